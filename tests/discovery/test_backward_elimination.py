@@ -23,6 +23,9 @@ class Reducible:
     def released(self, h):
         return h
 
+    def free(self, causes):
+        return []
+
 
 DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise
 
@@ -116,7 +119,8 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of: {"a": held})
-    monkeypatch.setattr(verdict, "several_errors", lambda search, errors, level: [])
+    monkeypatch.setattr(verdict, "located", lambda _, errors: SimpleNamespace(errors=errors))
+    monkeypatch.setattr(verdict, "several_errors", lambda place, free, level: [])
     said = verdict._verdict(search, {}, [curve], {"b": 50.0})
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]

@@ -164,6 +164,14 @@ class Denoised(NamedTuple):
     states: Any
 
 
+class Varying(NamedTuple):
+    """Numbers of effects that vary along a log: ``which`` (v), indices, have ``value`` (K, v) on
+    the way to each event and there."""
+
+    which: Any
+    value: Any
+
+
 class Tracking(NamedTuple):
     """``states`` (tracked), indices, that readings correct, by the ``gain`` (K, tracked) of each;
     ``variance`` (K) its prediction's; ``settling``, indices of those that an input settles at once.

@@ -133,7 +133,7 @@ def innovate(k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, w
 
 @compiled
 def filter_sensitivities(
-    start, thetas, events, denoised, tracking, regimes, numbers, results, work
+    start, thetas, events, denoised, varying, tracking, regimes, numbers, results, work
 ):
     """Filter a log and follow the responses to the active thetas.
 
@@ -147,7 +147,8 @@ def filter_sensitivities(
     multiplies an input seem smaller than it is.
 
     Filled: ``results``, and gain and variance of ``tracking`` where they are not frozen; ``start``
-    is moved to the end, and ``work`` is memory of its own for each run.
+    is moved to the end, ``numbers`` become the ``varying`` ones there, and ``work`` is memory of
+    its own for each run.
     """
     t, sensor, emit, which, acts = events.t, events.sensor, events.emit, thetas.which, work.acts
     x, xn, P, S, T = start.x, work.xn, start.P, work.S, work.T
@@ -159,6 +160,7 @@ def filter_sensitivities(
         for c in range(len(acts)):
             if which[c] >= 0:
                 acts[c] = thetas.basis[k, which[c]]
+        vary(k, varying, numbers)
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
             x, xn, S, T = carried(
@@ -181,6 +183,13 @@ def filter_sensitivities(
         start.settled[i] = work.xs[i]
         for c in range(len(acts)):
             start.S[i, c] = S[i, c]
+
+
+@inlined
+def vary(k, varying, numbers):
+    """Put the ``varying`` of the ``numbers`` to what they are at event k."""
+    for j, i in enumerate(varying.which):
+        numbers.g[i] = varying.value[k, j]
 
 
 @compiled
@@ -215,12 +224,13 @@ def weigh(P, H, R, tracked, PH, gain):
 
 
 @compiled
-def imply_inputs(x, row, rates, regimes, numbers, measured, u):
+def imply_inputs(x, row, rates, varying, regimes, numbers, measured, u):
     """Put inputs ``u`` (K, nu), in place, to where they explain the measured slopes, as near to the
     ``measured`` ones (K, nu) as that goes: one step of Gauss and Newton from where they stand.
 
-    ``x`` (K, n) states, ``row`` (K) their regimes.  What the ``rates`` lack is shared among the
-    inputs as their noise densities have it: the most probable share of each.
+    ``x`` (K, n) states, ``row`` (K) their regimes; ``numbers`` become the ``varying`` ones.  What
+    the ``rates`` lack is shared among the inputs as their noise densities have it: the most
+    probable share of each.
     """
     W, p, g, noise = regimes.W, numbers.p, numbers.g, regimes.noise
     tracked, rate, acts = rates.tracked, rates.rate, rates.acts
@@ -229,6 +239,7 @@ def imply_inputs(x, row, rates, regimes, numbers, measured, u):
     for k in range(len(x)):
         if not acts[k]:
             continue
+        vary(k, varying, numbers)
         dynamics(x[k], u[k], W[row[k]], p, g, f, A, B)
         for j in range(INPUTS):
             aim[j] = measured[k, j]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import softmax
+from scipy.special import logsumexp, softmax
 
 from clutchest.signals import Floats
 
@@ -41,6 +41,27 @@ def covariance(information: Floats, negligible: Floats) -> Floats:
     strength, directions = np.linalg.eigh(information)
     informed = _informed(strength, directions, negligible)
     return np.asarray((directions * (informed / (1.0 + strength))) @ directions.T)
+
+
+def most_probable(
+    score: Floats, information: Floats, negligible: Floats, std: float
+) -> tuple[Floats, Floats]:
+    """Coefficients (c) under a prior of standard deviation ``std``, and their covariance (c, c), 0
+    in directions that the data inform no better than ``negligible`` (c, c)."""
+    strength, directions = np.linalg.eigh(information)
+    informed = _informed(strength, directions, negligible)
+    spread = (directions * (informed / (std**-2.0 + strength))) @ directions.T
+    return np.asarray(spread @ score), np.asarray(spread)
+
+
+def freedom(coefficients: Floats, information: Floats, negligible: Floats) -> float:
+    """What these ``coefficients`` (c) take off a curve's evidence, in 2 ln of the Bayes factor, as
+    their size may be any of SCALES, and as others would explain as much."""
+    strength, directions = np.linalg.eigh(information)
+    informed = _informed(strength, directions, negligible)
+    along, variance = (coefficients @ directions)[informed], SCALES[:, None] ** 2
+    each = np.sum(along**2 / variance + np.log1p(variance * strength[informed]), axis=1)
+    return float(-2.0 * (logsumexp(-each / 2.0) - np.log(len(SCALES))))
 
 
 def _informed(strength: Floats, directions: Floats, negligible: Floats) -> NDArray[np.bool_]:

@@ -12,8 +12,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.discovery.curve_evidence import evidence
+from clutchest.discovery.refitted_curves import Located
 from clutchest.discovery.residual_curves import (
     NEGLIGIBLE,
     CandidateCurve,
@@ -22,7 +24,6 @@ from clutchest.discovery.residual_curves import (
     Nuisances,
     places,
 )
-from clutchest.discovery.search import Search
 from clutchest.inference.score_test import Projection
 from clutchest.signals import Floats
 
@@ -32,16 +33,17 @@ WIDEST = 10.0  # standard deviation of these, in units of an error
 SEED = 5
 
 
-def several_errors(search: Search, errors: Sequence[Curve], level: float) -> list[list[Curve]]:
+def several_errors(place: Located, free: NDArray[np.int64], level: float) -> list[list[Curve]]:
     """The equations that have an error, each by its curves, those whose sum it is likeliest to be
-    first: of those of the model without a cause, ``errors``, and others that are significant at a
-    family-wise ``level`` beside curves over all leading covariates of the rest."""
-    null = search.null.fit
-    fit = search.objective.white_at(null.theta, null.shapes)
-    at = CurvesAt.of(search.objective, fit)
-    bare = Nuisances(fit, search.free(()), search.objective.prior)
+    first: of those of the model without a cause, and others that are significant at a family-wise
+    ``level`` beside curves over all leading covariates of the rest; ``free`` unknowns (indices)
+    beside all.  Where curves are fitted in full, their order stays."""
+    errors, objective, fit, fitted = place
+    at = CurvesAt.of(objective, fit)
+    bare = Nuisances(fit, free, objective.prior)
     apart = at.beside_noise(bare, at.every())
-    found = [_likeliest(apart, at, errors)]
+    first = _of_equation(errors, errors[0].equation)
+    found = [first if fitted else _likeliest(apart, at, errors)]
     columns = [_columns(at, found[0])]
     while len(found) < MOST:
         beside = _beside(bare, columns)
@@ -59,7 +61,7 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
             found, columns = others, columns[1:]
     joined = [evidence_joined(apart, each) for each in columns]
     ranked = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
-    return [_first(found[i], joined[i].which) for i in ranked]
+    return [found[i] if fitted else _first(found[i], joined[i].which) for i in ranked]
 
 
 class Joined(NamedTuple):

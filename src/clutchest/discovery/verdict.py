@@ -20,6 +20,7 @@ from clutchest.discovery.form_test import (
     tested_forms,
 )
 from clutchest.discovery.holdout_gain import held_out_gain
+from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Curve, Nuisances, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import several_errors
@@ -136,7 +137,10 @@ def _verdict(
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
     if unnamed and search.problem.discrepancies:
         errors = _located(search) or errors
-    several = several_errors(search, errors, UNNAMED) if unnamed else []
+    several: list[list[Curve]] = []
+    if unnamed:
+        place = located(search, errors)
+        errors, several = place.errors, several_errors(place, search.free(()), UNNAMED)
     if several:  # those of the leading equation first
         leading = several[0]
         errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]

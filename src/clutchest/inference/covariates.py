@@ -28,14 +28,14 @@ def covariates(
     """Name → value at every event (K) of the drive at an operating point; ``also`` of these
     quantities of the equations."""
     line, machine = drive.line, drive.compiled.machine
-    series, power = _series(drive, at, _without_noise(drive, at.states), also)
+    read, power = _series(drive, at, _without_noise(drive, at.states), also)
     spans = np.diff(line.t, prepend=line.t[0])
     # correlation with the noise of a covariate is no error
-    series = {name: deadband(line.t, value, drive.tracked.act) for name, value in series.items()}
+    series = {name: deadband(line.t, value, drive.tracked.act) for name, value in read.items()}
     series |= {
-        name: denoised_rate(line.t, at.inputs[:, drive.compiled.model.input(of)], drive.tracked.act)
+        name: denoised_rate(line.t, read[of], drive.tracked.act)
         for name, of in machine.rates.items()
-        if of in series
+        if of in read
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
     series[ENERGY] = np.cumsum(power * spans)

@@ -124,7 +124,10 @@ def _shifts(drive: PreparedDrive, numbers: ModelNumbers) -> Shifts:
     """By how many s signals are late at every event, beyond what the vehicle file states."""
     shifts: dict[str, float | Floats] = {**numbers.late}
     for delay in drive.delayed:
-        if by := float(numbers.effects[delay.row] - drive.compiled.g[delay.row]):
+        by: float | Floats = float(numbers.effects[delay.row])
+        for row, value in zip(drive.varying.which, drive.varying.value.T, strict=True):
+            by = value if row == delay.row else by
+        if np.any(by := by - drive.compiled.g[delay.row]):
             shifts[delay.signal] = shifts.get(delay.signal, 0.0) + by * delay.size
     return shifts
 
@@ -159,8 +162,9 @@ def _implied(
         MeasuredRates(
             np.flatnonzero(tracked.which)[measured], tracked.rate[:, measured], tracked.act
         ),
+        drive.varying,
         regimes._replace(noise=quick),
-        Numbers(numbers.parameters, numbers.effects),
+        Numbers(numbers.parameters, numbers.effects.copy()),
         inputs,
         implied,
     )

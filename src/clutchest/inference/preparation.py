@@ -30,6 +30,7 @@ from clutchest.inference.prepared_drive import (
     Readings,
     TrackedStates,
     UnaveragedReadings,
+    constant,
 )
 from clutchest.models.effects.effect import TIME, Lateness
 from clutchest.models.model import Expressions, Model
@@ -74,6 +75,7 @@ def prepared(
         FrozenGains(np.zeros_like(tracked.rate), np.ones(len(line.t))),
         Readings.of(line, np.arange(len(line.t)), np.ones(len(line.t))),
         OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
+        constant(len(line.t)),
     )
     by = Derivatives.of(drive, len(units))
     response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)), by)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.compute.records import Belief
+from clutchest.compute.records import Belief, Varying
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled
 from clutchest.inference.input_interpolation import InterpolatedInput
@@ -143,6 +143,11 @@ class DelayedSignal:
     reach: float
 
 
+def constant(events: int) -> Varying:
+    """Numbers none of which varies, for so many events."""
+    return Varying(np.zeros(0, np.int64), np.zeros((events, 0)))
+
+
 @dataclass(frozen=True, slots=True)
 class UnaveragedReadings:
     """Every reading (k) of a sensor of which decimation keeps averages: ``t`` s, ``z`` and its
@@ -160,8 +165,8 @@ class PreparedDrive:
     ``unaveraged``: index of a sensor of which the line has averages → all its readings;
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
-    the vehicle file's numbers, from which linearisations at any others begin; ``runs``: the last
-    ones of this drive.
+    the vehicle file's numbers, from which linearisations at any others begin; ``varying``: numbers
+    of effects that are others at every event; ``runs``: the last ones of this drive.
     """
 
     compiled: Compiled
@@ -176,6 +181,7 @@ class PreparedDrive:
     gains: FrozenGains
     readings: Readings
     at_nominal: OperatingPoint
+    varying: Varying
     runs: LastRuns = field(default_factory=LastRuns, init=False, repr=False, compare=False)
 
     @property
@@ -195,6 +201,7 @@ class PreparedDrive:
             tracked=self.tracked.first(count),
             gains=FrozenGains(self.gains.gain[:count], self.gains.variance[:count]),
             at_nominal=self.at_nominal.first(count),
+            varying=self.varying._replace(value=self.varying.value[:count]),
         )
 
     def only(self, keep: NDArray[np.bool_]) -> PreparedDrive:

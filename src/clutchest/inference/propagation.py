@@ -159,6 +159,7 @@ class Propagation(NamedTuple):
                 inputs.moves[piece],
                 drive.tracked.value[piece],
             ),
+            drive.varying._replace(value=drive.varying.value[piece]),
             Tracking(
                 np.flatnonzero(drive.tracked.which),
                 self.gains.gain[piece],
@@ -167,7 +168,7 @@ class Propagation(NamedTuple):
                 drive.tracked.settling,
             ),
             regimes_of(drive.line),
-            Numbers(self.numbers.parameters, self.numbers.effects),
+            Numbers(self.numbers.parameters, self.numbers.effects.copy()),
             results,
             functions.sensitivity_workspace(len(active)),
         )

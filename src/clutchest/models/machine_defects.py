@@ -83,8 +83,9 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
         if name not in states:
             yield "peaks", f"has no state '{name}'" + nearest(name, states)
     for name in machine.rates.values():
-        if name not in inputs:
-            yield "rates", f"has no input '{name}'" + nearest(name, inputs)
+        if name not in (*inputs, *machine.covariates):
+            known = (*inputs, *machine.covariates)
+            yield "rates", f"has no input or covariate '{name}'" + nearest(name, known)
     parameters, sensors = [p.key for p in machine.parameters], [s.name for s in machine.sensors]
     for procedure in machine.procedures:
         piece = f"procedure '{procedure.name}'"

@@ -9,7 +9,8 @@ from clutchest.quantity import Quantity
 def quantity_of(machine: Machine, name: str) -> Quantity:
     """A state, a canonical column or what else an error may correlate with, by name."""
     states = {s.name: s.unit for s in machine.states}
-    rates = {rate: f"{machine.units.get(of, '1')}/s" for rate, of in machine.rates.items()}
+    moving = {**machine.covariates, **machine.units}
+    rates = {rate: f"{moving.get(of, '1')}/s" for rate, of in machine.rates.items()}
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
     units = {
         "time": "s",

@@ -147,7 +147,8 @@ def housing(q: Quantities) -> None:
 
 def wear(q: Quantities) -> None:
     """Extension: the pads wear in proportion to the slip energy (Archard's law)."""
-    q.zero_position_rate = -q.wear_rate * 1e-6 * q.power
+    q.wear_per_energy = q.wear_rate  # mm/MJ
+    q.zero_position_rate = -q.wear_per_energy * 1e-6 * q.power
 
 
 def engine(q: Quantities) -> None:

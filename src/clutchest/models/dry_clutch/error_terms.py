@@ -29,7 +29,24 @@ _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does
     "energy",
     "time",
 )
+# How much slip energy wears depends on the contact, and on how long it has been run in.
+_WEARS_BY_ENERGY = ("slip_speed", "slave_position", "temp_disc", "temp_body", "energy", "time")
+_HEATS = (  # flows between what is warm, stirred by what turns, through what touches
+    "slip_speed",
+    "engine_speed",
+    "input_shaft_speed",
+    "vehicle_speed",
+    "slave_position",
+    "temp_disc",
+    "temp_body",
+    "temp_housing",
+    "coolant_temp",
+    "ambient_temp",
+    "energy",
+    "time",
+)
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
+_SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque": ErrorTerm(
         "torque",
@@ -52,6 +69,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "disc_heat": ErrorTerm(
         "disc_heat",
         {"disc_heat": lambda value, g: value + 500.0 * g},
+        covariates=_HEATS,
         slow=True,
         size=500.0,
         unit="W",
@@ -59,6 +77,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "body_heat": ErrorTerm(
         "body_heat",
         {"body_heat": lambda value, g: value + 500.0 * g},
+        covariates=_HEATS,
         slow=True,
         size=500.0,
         unit="W",
@@ -66,6 +85,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "housing_heat": ErrorTerm(
         "housing_heat",
         {"housing_heat": lambda value, g: value + 200.0 * g},
+        covariates=_HEATS,
         slow=True,
         size=200.0,
         unit="W",
@@ -77,6 +97,14 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         slow=True,
         size=1e-4,
         unit="mm/s",
+    ),
+    "zero_position, worn": ErrorTerm(
+        "zero_position",
+        {"wear_per_energy": lambda value, g: value + 0.1 * g},
+        covariates=_WEARS_BY_ENERGY,
+        slow=True,
+        size=0.1,
+        unit="mm/MJ",
     ),
     "sensor:engine_torque": ErrorTerm(
         "sensor:engine_torque",
@@ -102,11 +130,21 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         size=0.1,
         unit="mm",
     ),
+    "sensor:input_shaft_speed": ErrorTerm(
+        "sensor:input_shaft_speed",
+        {"input_shaft_speed": lambda value, g: value / (1 + 0.02 * g)},
+        covariates=("input_shaft_speed",),
+        size=2.0,
+        unit="%",
+    ),
     "timing:engine_torque": ErrorTerm(
         "timing:engine_torque", late=("engine_torque", 0.02), covariates=_CLOCKS
     ),
     "timing:slave_position": ErrorTerm(
         "timing:slave_position", late=("slave_position", 0.02), covariates=_CLOCKS
+    ),
+    "timing:input_shaft_speed": ErrorTerm(
+        "timing:input_shaft_speed", late=("input_shaft_speed", 0.02), covariates=_SHAFTS_CLOCKS
     ),
 }
 
@@ -131,9 +169,9 @@ SENSOR_FOR = {
     "": "a second sensor, or a clock that its signals share,",
 }
 
-# Covariates beside inputs, states, time and slip energy: quantities by name, rates of inputs, and
+# Covariates beside inputs, states, time and slip energy: quantities by name, rates, and
 # the highest value so far of states, since overheating changes a lining for good.
 COVARIATES = {"slip_speed": "rad/s"}
 SMOOTH_OVER = {"compression": "mm"}
-RATES = {"position_rate": "slave_position"}
+RATES = {"position_rate": "slave_position", "slip_rate": "slip_speed"}  # friction may lag
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}

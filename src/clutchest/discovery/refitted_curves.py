@@ -1,0 +1,235 @@
+"""Curves fitted in full: an error that is large is another one to first order.
+
+A clutch that bites elsewhere has another slope there, and what heats it less makes it bite less, so
+that to first order the right curve may explain little, and one that can be anything is likelier.
+Where errors are that large, the leading curves of every error term are fitted by Gauss–Newton steps
+with the curve in the equations, over covariates as they are without it, and ranked by what they
+explain there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.compute.records import Varying
+from clutchest.discovery.curve_evidence import freedom, most_probable
+from clutchest.discovery.residual_curves import NEGLIGIBLE, Curve, CurvesAt, places
+from clutchest.discovery.search import Search
+from clutchest.inference.covariates import TIME_KNOTS, hats
+from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.linearisation import Modulation
+from clutchest.inference.map_fit import improve
+from clutchest.inference.objective import Objective
+from clutchest.inference.score_test import Projected, Projection
+from clutchest.inference.unknowns import UnknownGain
+from clutchest.inference.white_linearisation import Linearisation
+from clutchest.models.effects.effect import TIME
+from clutchest.signals import Floats
+
+LARGE = 100.0  # of a curve's worth: from here on, the first order is not exact
+AS_LIKELY = 0.25  # of the leading curve's evidence: others that have less are not fitted
+LEADERS, DRIVERS, FINEST = 4, 3, 3  # curves that are fitted: of all, of the first's term, finely
+FINE = 12  # knots of a curve that bends more closely
+WIDEST = 10.0  # standard deviation of coefficients, in units of an error
+STEPS = 6  # at most
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until it pays
+SETTLED = 1.0  # of −2 ln(probability): a step that gained less was the last
+
+
+class Located(NamedTuple):
+    """``errors`` of a model without a cause, the most likely first, and where others beside the
+    first are sought: an ``objective``, and its ``fit``, to first order without that one; whether
+    the leading ones are ``fitted`` in full."""
+
+    errors: Sequence[Curve]
+    objective: Objective
+    fit: Linearisation
+    fitted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """A fit with a curve of these ``coefficients`` (c) in the equations of the ``objective``'s
+    problem."""
+
+    objective: Objective
+    lin: Linearisation
+    coefficients: Floats
+
+    @property
+    def cost(self) -> float:
+        """As fits have it, and that of the coefficients in their prior."""
+        return self.lin.cost + float(np.sum((self.coefficients / WIDEST) ** 2))
+
+
+class _Fitted(NamedTuple):
+    """A curve, as it is where it is fitted, and where that is."""
+
+    curve: Curve
+    at: _Point
+
+
+@dataclass(frozen=True, slots=True)
+class _Fits:
+    """Where fits of curves begin: at the model without one, with these ``free`` unknowns
+    (indices)."""
+
+    null: CurvesAt
+    free: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, search: Search) -> _Fits:
+        """At the null of a search, judged by all that the readings say."""
+        objective, free = replace(search.objective, span=None), search.free(())
+        begin = objective.linearise_at(search.null.fit.theta, active=free)
+        return cls(CurvesAt.of(objective, improve(objective, begin, free)), free)
+
+    def from_none(self, curve: Curve) -> _Fitted:
+        """A curve, fitted from none on."""
+        return self._fitted(
+            curve, _Point(self.null.objective, self.null.fit, np.zeros(len(curve.at)))
+        )
+
+    def finer(self, known: _Fitted) -> _Fitted:
+        """A fitted curve with more knots, from its fit on."""
+        curve, at = known
+        share = np.linspace(0.0, len(curve.at) - 1.0, FINE)
+        bends = np.interp(share, np.arange(len(curve.at)), curve.at)
+        start = np.interp(bends, curve.at, at.coefficients)
+        return self._fitted(replace(curve, at=bends), replace(at, coefficients=start))
+
+    def derivatives(self, curve: Curve, at: _Point) -> Floats:
+        """By the coefficients of a curve (K, c)."""
+        columns = np.arange(len(curve.at))
+        modulations = [Modulation(basis, columns) for basis in self._bases(curve)]
+        thetas = np.full(len(columns), places(self.null.problem)[curve.error_term])
+        return at.objective.modulated(at.lin, thetas, modulations)
+
+    def _fitted(self, curve: Curve, at: _Point) -> _Fitted:
+        by, bases = self.derivatives(curve, at), self._bases(curve)
+        theta = places(self.null.problem)[curve.error_term]
+        for _ in range(STEPS):
+            there = self._along(at, self._step(at, by), bases, theta)
+            if there is None:
+                break
+            gained, at = at.cost - there.cost, there
+            by = self.derivatives(curve, at)
+            if gained < SETTLED:
+                break
+        of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
+        _, spread = most_probable(of.score, of.information, negligible, WIDEST)
+        explained = self.null.fit.cost - at.lin.cost
+        strength, directions = np.linalg.eigh(spread)
+        known = replace(
+            curve,
+            coefficients=at.coefficients,
+            off=np.sqrt(np.maximum(strength, 0.0))[:, None] * directions.T,
+            worth=explained - 2.0 * float(np.trace(spread @ of.information)),
+            evidence=(evidence := explained - freedom(at.coefficients, of.information, negligible)),
+            # noise has a Bayes factor of B once in B times at most
+            p_value=min(curve.p_value, float(np.exp(-max(evidence, 0.0) / 2.0))),
+        )
+        return _Fitted(known, at)
+
+    def _bases(self, curve: Curve) -> list[Floats]:
+        """A curve's hats (events, c) in every drive."""
+        return [hats(values[curve.covariate], curve.at) for values in self.null.values]
+
+    def _projected(self, at: _Point, by: Floats) -> Projected:
+        """What of derivatives (K, c) no other unknown explains; scores are those of no curve."""
+        return Projection.of(without(at, by), self.free, at.objective.prior).out_of(by.copy())
+
+    def _step(self, at: _Point, by: Floats) -> tuple[Floats, Floats]:
+        """A step of all unknowns (m) and of the coefficients (c)."""
+        of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
+        aim, _ = most_probable(of.score, of.information, negligible, WIDEST)
+        change = aim - at.coefficients
+        psi, prior = at.lin.by(self.free), at.objective.prior[self.free]
+        inner = psi.T @ psi + np.diag(prior + 1e-9)
+        down = psi.T @ (at.lin.r + by @ change) + prior * at.lin.theta[self.free]
+        move = np.zeros(len(at.lin.theta))
+        move[self.free] = -np.linalg.solve(inner, down)
+        return move, change
+
+    @np.errstate(over="ignore", invalid="ignore")  # of a step too far
+    def _along(
+        self, at: _Point, move: tuple[Floats, Floats], bases: Sequence[Floats], theta: int
+    ) -> _Point | None:
+        """The first part of a step that pays."""
+        by_theta, by_curve = move
+        for share in SHARES:
+            coefficients = at.coefficients + share * by_curve
+            objective = _with_curve(at.objective, bases, theta, coefficients)
+            numbers = objective.within_bounds(at.lin.theta + share * by_theta, self.free)
+            lin = objective.relinearise(at.lin, numbers, active=NO_DERIVATIVES)
+            if _Point(objective, lin, coefficients).cost < at.cost:
+                lin = objective.relinearise(at.lin, numbers, active=self.free)
+                return _Point(objective, lin, coefficients)
+        return None
+
+
+def without(at: _Point, by: Floats) -> Linearisation:
+    """A fit without its curve, to first order, ``by`` (K, c) the curve's derivatives."""
+    return replace(at.lin, r=at.lin.r - by @ at.coefficients)
+
+
+def _with_curve(
+    objective: Objective, bases: Sequence[Floats], theta: int, coefficients: Floats
+) -> Objective:
+    """The objective of the same problem in whose equations a curve acts by the error term
+    ``theta`` (index)."""
+    problem = objective.problem
+    unknown = problem.thetas[theta]
+    assert isinstance(unknown, UnknownGain)
+    numbers = [(effect.name, key) for effect, key in problem.compiled.model.numbers]
+    row = np.array([numbers.index((unknown.effect, unknown.key))])
+    drives = tuple(
+        replace(drive, varying=Varying(row, unknown.unit * (basis @ coefficients)[:, None]))
+        for drive, basis in zip(problem.drives, bases, strict=True)
+    )
+    return replace(objective, problem=replace(problem, drives=drives))
+
+
+def located(search: Search, errors: Sequence[Curve]) -> Located:
+    """The ``errors`` of a search's model without a cause; where they are large, the leading ones as
+    fitted in full before all others, and others beside the first are sought where that is."""
+    theta, shapes = search.null.fit.theta, search.null.fit.shapes
+    # no equation lets an error come and go within seconds for the sake of being fitted
+    some = [curve for curve in errors if len(curve.at) < max(TIME_KNOTS)]
+    if not some or max(curve.worth for curve in some) < LARGE:
+        return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
+    fits = _Fits.of(search)
+    least = AS_LIKELY * some[0].evidence
+    firsts = {curve.error_term: curve for curve in reversed(some)}.values()
+    first = [*some[:LEADERS], *(c for c in firsts if c.evidence > least)]
+    done = {key: fits.from_none(curve) for key, curve in {_key(c): c for c in first}.items()}
+    leader = max(done.values(), key=_evidence).curve.error_term
+    also = [c for c in some if c.error_term == leader and _key(c) not in done]
+    done |= {_key(c): fits.from_none(c) for c in also[:DRIVERS]}
+    leading = sorted(done.values(), key=_evidence, reverse=True)
+    finer = [fits.finer(each) for each in leading[:FINEST] if each.curve.covariate != TIME]
+    leading = sorted([*leading, *finer], key=_evidence, reverse=True)
+    last = leading[-1].curve.evidence
+    others = [
+        replace(curve, evidence=min(curve.evidence, last))
+        for curve in errors
+        if _key(curve) not in done
+    ]
+    best, at = leading[0]
+    full = at.objective.relinearise(at.lin, at.lin.theta)
+    at = replace(at, lin=replace(full, raw=()))
+    fit = without(at, fits.derivatives(best, at))
+    return Located([*(curve for curve, _ in leading), *others], at.objective, fit, True)
+
+
+def _evidence(known: _Fitted) -> float:
+    return known.curve.evidence
+
+
+def _key(curve: Curve) -> tuple[str, str, int]:
+    return curve.error_term, curve.covariate, len(curve.at)

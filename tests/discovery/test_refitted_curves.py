@@ -1,0 +1,127 @@
+"""Where an error is large, curves fitted in full say where it is; and what such errors go with."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.compute.records import Varying
+from clutchest.discovery.curve_evidence import evidence, freedom, most_probable
+from clutchest.discovery.refitted_curves import located
+from clutchest.discovery.residual_curves import Nuisances, curves
+from clutchest.discovery.search import begin
+from clutchest.discovery.segmentation import segmented
+from clutchest.inference.covariates import covariates
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
+from clutchest.models.error_term_effects import PREFIX, error_term_effects
+
+TRUCK = clutchest.load_vehicle("truck")
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def launches() -> Problem:
+    signals = clutchest.simulate(TRUCK, "launches", 5, duration=60.0)
+    return Problem.of(signals, TRUCK, error_term_effects(TRUCK.machine))
+
+
+@pytest.fixture
+def blind() -> Iterator[None]:
+    """The suite stands beside the benchmarks, not in the package."""
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+def test_a_curve_fitted_in_full_has_the_evidence_of_the_first_order_where_that_is_exact() -> None:
+    rng = np.random.default_rng(3)
+    design = rng.standard_normal((500, 3))
+    measured = design @ [0.4, -1.5, 0.8] + rng.standard_normal(500)
+    score, information = design.T @ measured, design.T @ design
+    none = np.zeros((3, 3))
+    best, spread = most_probable(score, information, none, 10.0)
+    explained = measured @ measured - np.sum((measured - design @ best) ** 2)
+    own = explained - freedom(best, information, none)
+    assert own == pytest.approx(evidence(score, information, none), abs=0.1)
+    assert spread == pytest.approx(np.linalg.inv(information + 0.01 * np.eye(3)))
+
+
+def test_a_direction_that_the_data_hardly_inform_costs_and_moves_nothing() -> None:
+    information, faint = np.diag([400.0, 1e-3]), np.diag([0.0, 1.0])
+    best, spread = most_probable(np.array([200.0, 5.0]), information, faint, 10.0)
+    assert best == pytest.approx([0.5, 0.0], rel=1e-3)
+    assert spread[1, 1] == 0.0
+    alone = freedom(best[:1], information[:1, :1], faint[:1, :1])
+    assert freedom(best, information, faint) == pytest.approx(alone)
+
+
+@pytest.mark.parametrize("term", ["torque", "disc_heat", "timing:input_shaft_speed"])
+def test_a_number_that_varies_is_the_gain_where_it_stays_the_same(
+    launches: Problem, term: str
+) -> None:
+    """And half a drive of it is less than all of it."""
+    objective = Objective.of(launches)
+    gain = launches.index(f"{PREFIX}{term}.size")
+    numbers = [(effect.name, key) for effect, key in launches.compiled.model.numbers]
+    row = np.array([numbers.index((PREFIX + term, "size"))])
+    (drive,) = launches.drives
+    theta = np.zeros(len(launches.thetas))
+    without = objective.linearise_at(theta, active=np.zeros(0, np.int64)).r
+    theta[gain] = 1.5
+    wanted = objective.linearise_at(theta, active=np.zeros(0, np.int64)).r
+
+    def varying(value: np.ndarray) -> np.ndarray:
+        own = replace(drive, varying=Varying(row, value[:, None]))
+        at = replace(objective, problem=replace(launches, drives=(own,)))
+        return at.linearise_at(np.zeros(len(theta)), active=np.zeros(0, np.int64)).r
+
+    whole = np.full(len(drive.line.t), 1.5 * launches.units[gain])
+    assert varying(whole) == pytest.approx(wanted, abs=1e-9)
+    part = np.sum((varying(whole * (drive.line.t < 30.0)) - without) ** 2)
+    assert 0.0 < part < np.sum((wanted - without) ** 2)
+
+
+def test_friction_may_go_with_how_fast_slip_changes(launches: Problem) -> None:
+    (drive,) = launches.drives
+    known = covariates(drive, drive.at_nominal)
+    slips = drive.tracked.act & (np.abs(known["slip_speed"]) > 5.0)
+    steps = np.gradient(known["slip_speed"], drive.line.t + 1e-9 * np.arange(len(slips)))
+    quick = slips & (np.abs(known["slip_rate"]) > 20.0)
+    assert np.count_nonzero(quick) > 50
+    assert np.mean(np.sign(steps[quick]) == np.sign(known["slip_rate"][quick])) > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "equation", "covariate"),
+    [
+        ("bedding_in-112", "zero_position", "energy"),
+        ("frictional_lag-116", "torque", "slip_rate"),
+        ("shaken_sensor-107", "sensor:slave_position", "engine_speed"),
+        ("floating_fingers-115", "sensor:slave_position", "engine_speed"),
+    ],
+)
+def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariate: str) -> None:
+    """Development cases of the benchmark ``form.py near``, each of them missed before."""
+    from blind.drives import NOISES
+    from blind.near_misses import NEAR_MISSES
+    from form import NEAR, SHARES, Short, problem_of
+
+    cause, number = case.rsplit("-", 1)
+    seed = NEAR + int(number)
+    random = np.random.default_rng([seed, 2])
+    drive, kind = Short(seed, str(random.choice(list(NOISES)))), NEAR_MISSES[cause]
+    size = float(random.choice(SHARES)) * kind.largest
+    outsider = kind(size, float(random.uniform()))
+    search = begin(problem_of(segmented(drive.signals(outsider=outsider), drive.vehicle), drive))
+    fit = search.objective.white_at(search.null.fit.theta)
+    beside = Nuisances(fit, search.free(()), search.objective.prior)
+    first = located(search, curves(search.objective, fit, beside, seed=3)).errors[0]
+    assert (first.equation, first.covariate) == (equation, covariate)
