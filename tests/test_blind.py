@@ -114,7 +114,7 @@ def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
     known = set(machine_of("dry_clutch").units)
     known |= {state.name for state in machine_of("dry_clutch").states}
     known |= {"slip_speed", "position_rate", "energy", "time"}
-    known |= {"clutch_torque", "input_shaft_rate", "slip_power", "slip_rate"}
+    known |= {"clutch_torque", "input_shaft_rate", "slip_power", "slip_rate", "rest_time"}
     assert not set(FOREIGN) & set(machine_of("dry_clutch").effects)
     for kind in FOREIGN.values():
         assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__

@@ -136,7 +136,7 @@ class LateShaft(NearMiss):
         "timing:input_shaft_speed",
         ("input_shaft_speed", "input_shaft_rate"),
     )
-    others, listed = ("sensor:input_shaft_speed",), False
+    others = ("sensor:input_shaft_speed",)  # listed since it was missed
     unit, largest = "s", 0.4
 
     def readings(self, true: Readings) -> Readings:
@@ -153,8 +153,7 @@ class WeakToneWheel(NearMiss):
         "weak_tone_wheel",
         "sensor:input_shaft_speed",
         ("input_shaft_speed",),
-    )
-    listed = False
+    )  # listed since the late one was missed
     unit, largest = "1", 0.5
 
     def readings(self, true: Readings) -> Readings:
@@ -204,7 +203,7 @@ class FrictionalLag(NearMiss):
     """Friction lags behind slip: more while slip grows, less while it ends."""
 
     name, equation, drivers = "frictional_lag", "torque", ("slip_rate", "slip_speed")
-    listed = False
+    # listed since it was missed
     unit, largest = "1", 0.4
 
     def law(self) -> Law:
@@ -264,6 +263,43 @@ class Judder(NearMiss):
             return {"torque_share": float(swing) * (abs(seen["slip_speed"]) < 20.0)}
 
         return act
+
+
+class RestedLining(NearMiss):
+    """Moisture settles on a lining at rest, and dries as it slips: it bites harder after a rest."""
+
+    name, equation, drivers = "rested_lining", "torque", ("rest_time",)
+    listed = False
+    unit, largest = "1", 0.5
+
+    def law(self) -> Law:
+        wet, before = 1.0, 0.0
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal wet, before
+            since, before = max(seen["time"] - before, 0.0), seen["time"]
+            slips = abs(seen["slip_speed"]) > 5.0
+            wet += (1.0 - slips - wet) * (1.0 - np.exp(-since / (4.0 if slips else 60.0)))
+            return {"torque_share": self.size * float(wet)}
+
+        return act
+
+
+class RoughRoad(NearMiss):
+    """The position sensor rectifies the shaking of the road: the faster the truck, the more."""
+
+    name, equation, drivers = "rough_road", "sensor:slave_position", ("vehicle_speed",)
+    others, listed = ("zero_position",), False
+    unit, largest = "mm", 0.6
+
+    def readings(self, true: Readings) -> Readings:
+        rough = 8.0 + 8.0 * self.phase
+
+        def position(t: Floats) -> Floats:
+            speed = np.square(true["vehicle_speed"](t) / rough)
+            return true["slave_position"](t) + self.size * speed / (1.0 + speed)
+
+        return {**true, "slave_position": position}
 
 
 # --- two at once ---------------------------------------------------------------------------------
