@@ -21,6 +21,8 @@ from clutchest.inference.covariates import covariates
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.models.error_term_effects import PREFIX, error_term_effects
+from clutchest.models.quantities import quantity_of
+from clutchest.units import convert
 
 TRUCK = clutchest.load_vehicle("truck")
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -96,6 +98,13 @@ def test_friction_may_go_with_how_fast_slip_changes(launches: Problem) -> None:
     quick = slips & (np.abs(known["slip_rate"]) > 20.0)
     assert np.count_nonzero(quick) > 50
     assert np.mean(np.sign(steps[quick]) == np.sign(known["slip_rate"][quick])) > 0.9
+
+
+def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
+    known = {name: quantity_of(TRUCK.machine, name) for name in TRUCK.machine.rates}
+    assert known["position_rate"].unit == "mm/s"
+    assert known["slip_rate"].unit == "rad/s^2"
+    assert convert(2.0, known["slip_rate"].unit, "rad/s^2") == 2.0
 
 
 @pytest.mark.slow

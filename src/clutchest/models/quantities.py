@@ -10,7 +10,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     """A state, a canonical column or what else an error may correlate with, by name."""
     states = {s.name: s.unit for s in machine.states}
     moving = {**machine.covariates, **machine.units}
-    rates = {rate: f"{moving.get(of, '1')}/s" for rate, of in machine.rates.items()}
+    rates = {rate: _per_second(moving.get(of, "1")) for rate, of in machine.rates.items()}
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
     units = {
         "time": "s",
@@ -22,3 +22,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     }
     units |= machine.units | states
     return Quantity(name, units.get(name, "1"))
+
+
+def _per_second(unit: str) -> str:
+    return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
