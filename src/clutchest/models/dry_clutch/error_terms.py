@@ -45,6 +45,17 @@ _HEATS = (  # flows between what is warm, stirred by what turns, through what to
     "energy",
     "time",
 )
+# The rate of the slip is none of these: it is the reading's own noise that it would go with.
+_ENGINES_BALANCE = (
+    *_HEATS,
+    "engine_torque",
+    "position_rate",
+    "zero_position",
+    "friction",
+    "torque_bias",
+    "temp_disc_peak",
+    "temp_body_peak",
+)
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
@@ -63,6 +74,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "engine_speed": ErrorTerm(
         "engine_speed",
         {"true_engine_torque": lambda value, g: value - 30.0 * g},
+        covariates=_ENGINES_BALANCE,
         size=30.0,
         unit="Nm",
     ),
