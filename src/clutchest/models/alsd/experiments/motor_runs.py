@@ -26,7 +26,8 @@ from clutchest.models.experiments import (
 from clutchest.signals import Floats
 
 SIGNALS = ("motor_angle", "armature_current", "armature_temp")
-SETTLE, LEAST, LONGEST = 0.02, 0.08, 0.25  # s
+# s; sooner after a step of the current, bristles still bend and no polynomial follows the speed
+SETTLE, LEAST, LONGEST = 0.04, 0.08, 0.25
 ORDER = 5  # of the angle's polynomial, 4 of the speed's
 NODES = np.cos(np.pi * (np.arange(4) + 0.5) / 4)  # as many as the acceleration has coefficients
 FAST = 5.0  # Stribeck speeds: beyond, friction is Coulomb's and viscous
