@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from clutchest.discovery.answer import where_of
+from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Form, FormCurve
 
 
@@ -23,3 +26,18 @@ def test_of_several_wrong_forms_the_surest_is_the_error():
         where = where_of("named", order, (), (), {})
         assert where is not None
         assert (where.equation, where.covariates[0]) == ("torque", "slip_speed")
+
+
+def test_an_error_that_has_a_name_goes_with_what_its_effect_reads():
+    """Whatever curves without the cause are likelier: in a short drive all goes with time."""
+    cause = Cause("friction_slip", "torque", {}, 80.0, 1e-9, drivers=("slip_speed",))
+    knots = np.linspace(0.0, 1.0, 5)
+    errors = [
+        Curve("torque", "torque", covariate, knots, knots, np.eye(5), 50.0, 40.0, 1e-6)
+        for covariate in ("time", "slip_speed", "temp_disc")
+    ]
+    where = where_of("named", (cause,), errors, (), {})
+    assert where is not None
+    assert where.covariates == ("slip_speed", "time", "temp_disc")
+    where = where_of("named", (replace(cause, drivers=()),), errors, (), {})
+    assert where is not None and where.covariates[0] == "time"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,15 @@ from scipy.stats import multivariate_normal
 
 import clutchest
 from clutchest.discovery.curve_evidence import SCALES, covariance, evidence, expected
-from clutchest.discovery.residual_curves import Curve, CurvesAt, Nuisances
+from clutchest.discovery.residual_curves import (
+    CandidateCurve,
+    Curve,
+    CurvesAt,
+    Nuisances,
+    curves,
+    places,
+)
+from clutchest.discovery.several_errors import evidence_joined
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
@@ -108,3 +117,44 @@ def test_no_error_is_sought_over_a_speed_that_is_held() -> None:
         at = CurvesAt.of(objective, objective.white_at(np.zeros(len(problem.thetas))))
         assert ("slip_speed" in {table.covariate for table in at.every()}) is sought
         assert "motor_torque" in {table.covariate for table in at.every()}
+
+
+class Sheared:
+    """Oil that is sheared between plates which do not touch."""
+
+    def law(self):
+        def act(seen: Mapping[str, float]) -> dict[str, float]:
+            gap = max(seen["free_play"] - seen["plate"], 0.0)
+            return {"film": (gap > 0.0) * seen["slip_speed"] / (0.2 + gap / 1e-4)}
+
+        return act
+
+    def readings(self, true):
+        return true
+
+
+@pytest.mark.slow
+def test_drag_in_the_open_gap_is_an_error_of_the_torque_over_slip_and_gap() -> None:
+    vehicle = clutchest.load_vehicle("alsd_rig")
+    signals = clutchest.simulate(vehicle, "coast", 31, duration=20.0, outsider=Sheared())
+    problem = with_fitted_gains(
+        Problem.of(signals, vehicle, error_term_effects(vehicle.machine), discrepant=True)
+    )
+    objective = Objective.of(problem)
+    fit = objective.white_at(problem.begin)
+    found = curves(objective, fit, Nuisances(fit, problem.nuisances, objective.prior), seed=3)
+    assert (found[0].equation, found[0].covariate) == ("torque", "slip_speed")
+    at = CurvesAt.of(objective, fit)
+    place = places(problem)
+    tables = {
+        c.covariate: CandidateCurve(
+            c.error_term, c.equation, place[c.error_term], c.covariate, c.at
+        )
+        for c in found
+        if c.error_term == "drag"
+    }
+    over = [tables[name] for name in ("slip_speed", "gap", "oil_temp")]
+    ((columns, some),) = at.derivatives(over)
+    parts = [columns[:, own] for _, own in some]
+    joined = evidence_joined(Nuisances(fit, problem.nuisances, objective.prior), parts)
+    assert joined.which[:2] == (0, 1)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.discovery.effect_drivers import drivers_of
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import UNTESTED, Cause, Rival, Size, Where
@@ -23,13 +24,16 @@ def causes_of(verdict: SearchVerdict) -> tuple[Cause, ...]:
     """Those of the most likely set first; of an effect in several sets, each size as it is in the
     first that has it."""
     causes: dict[str, Cause] = {}
+    known = {curve.covariate for curve in verdict.errors}
     for h in verdict.sets:
         for (name, key), size in _sizes_in(verdict, h).items():
             if name not in causes:
                 cause = next(c for c in h.causes if c.name == name)
                 statistic = verdict.search.established(cause, h)
                 form = verdict.forms[name].form if name in verdict.forms else UNTESTED
-                causes[name] = Cause(name, cause.effect.equation, {}, *statistic, form)
+                drivers = drivers_of(cause.effect, cause.gain.key, known)
+                equation = cause.effect.equation
+                causes[name] = Cause(name, equation, {}, *statistic, form, drivers)
             if key not in causes[name].parameters:
                 parameters = {**causes[name].parameters, key: size}
                 causes[name] = replace(causes[name], parameters=parameters)
@@ -99,19 +103,22 @@ def where_of(
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
     state stands for its ``peaks`` as well; ``others``: curves of other equations with errors.
-    Where forms are refuted, that which is most surely is the error, over its driver first."""
+    Where forms are refuted, that which is most surely is the error, over its driver first; else the
+    first cause is, over what its effect reads first."""
     if verdict == "none":
         return None
     if verdict == "unknown":
         first, *also = (_established(each, peaks) for each in (errors, *others))
         return replace(first, others=tuple(also))
     curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
-    if not curves:
-        return _where(causes[0].equation, errors, peaks)
-    wrong = min((c for c in causes if c.effect in curves), key=lambda c: c.form.p_value or 0.0)
-    of = _where(wrong.equation, errors, peaks)
-    names = dict.fromkeys([curves[wrong.effect].covariate, *of.covariates])
-    return Where(of.equation, tuple(names))
+    of, own = causes[0], list(causes[0].drivers)
+    if curves:
+        of = min((c for c in causes if c.effect in curves), key=lambda c: c.form.p_value or 0.0)
+        own = [curves[of.effect].covariate]
+    where = _where(of.equation, errors, peaks)
+    if not own:
+        return where
+    return Where(of.equation, tuple(dict.fromkeys([*own, *where.covariates])))
 
 
 def strongest_of(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where | None:

@@ -87,7 +87,7 @@ UNTESTED = Form(None, "no test was made")
 class Cause:
     """An effect that the data require: ``statistic`` by how much it improves the fit beside the
     other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library; ``form``:
-    whether it acts as the effect says."""
+    whether it acts as the effect says; ``drivers``: covariates that the effect itself reads."""
 
     effect: str
     equation: str
@@ -95,6 +95,7 @@ class Cause:
     statistic: float
     p_value: float
     form: Form = UNTESTED
+    drivers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
