@@ -54,7 +54,7 @@ def calls(at_hand, out):
             clutchest.identify_vehicle,
             {"name": "noise", "signals": signals, "vehicle": truck, "holdout": None},
         ),
-        "load_vehicle": (clutchest.load_vehicle, {"vehicle": "truck"}),
+        "load_vehicle": (clutchest.load_vehicle, {"v": "truck"}),
         "read_log": (clutchest.read_log, {"paths": "demo", "vehicle": truck, "window": (0, 9)}),
         "replay": (
             clutchest.replay,
@@ -163,7 +163,7 @@ def test_nonsense(name, at_hand, tmp_path):
         (lambda run: clutchest.replay(run, {}), "vehicle: expected a Vehicle or a path, not {}"),
         (
             lambda run: clutchest.load_vehicle(run),
-            "vehicle: expected a Vehicle or a path, not a Run, whose .vehicle is one",
+            "v: expected a Vehicle or a path, not a Run, whose .vehicle is one",
         ),
         (
             lambda run: clutchest.replay(run, "truck", state=[]),

@@ -54,17 +54,18 @@ _REQUIRED = ("name", "model", "parameters")
 
 
 @checked
-def load_vehicle(vehicle: Vehicle | str | Path, *, trust: bool = False) -> Vehicle:
-    """The vehicle in a TOML file, or the shipped one of that name; a Vehicle is returned as it is.
+def load_vehicle(v: Vehicle | str | Path, *, trust: bool = False) -> Vehicle:
+    """The vehicle in the TOML file ``v``, or the shipped one of that name; a Vehicle is returned
+    as it is.
 
     Units are checked and values converted to the model's own.  A file that names Python (a machine,
     effects) runs it only where the user has trusted its content (``clutchest trust``), or the
     program does: ``trust``.  Raises ClutchestError naming file, line and key, what was expected and
     the nearest valid key.
     """
-    if isinstance(vehicle, Vehicle):
-        return vehicle
-    return _vehicle(TomlFile.read(locate(str(vehicle), "vehicles").resolve()), trust)
+    if isinstance(v, Vehicle):
+        return v
+    return _vehicle(TomlFile.read(locate(str(v), "vehicles").resolve()), trust)
 
 
 def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
