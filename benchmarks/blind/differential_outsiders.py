@@ -63,7 +63,8 @@ class FluidFilm(Outsider):
 class TwoZones(Outsider):
     """The oil leaves the pack slowly once the plates touch: there the plate is damped more."""
 
-    name, equations, drivers = "two_zones", ("axial_force",), ("pack_force", "motor_angle")
+    name, equations = "two_zones", ("axial_force",)
+    drivers = ("motor_speed", "pack_force", "motor_angle")  # a damping's error goes with speed
     scenarios, unit, largest = ("rig-steps", "rig-ramps", "car"), "1", 6.0
 
     def law(self) -> Law:
