@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from clutchest.discovery.residual_curves import Nuisances
-from clutchest.discovery.several_errors import evidence_joined
+from clutchest.discovery.several_errors import CurveColumns, evidence_joined
 from clutchest.inference.unknowns import UnknownParameter
 from made_up import objective_of
+
+
+def told(columns: np.ndarray) -> CurveColumns:
+    """A curve of which nothing is noise of its inputs."""
+    return CurveColumns(columns, np.zeros(2 * columns.shape[1:]))
 
 
 def test_two_curves_of_one_equation_count_for_more_than_a_better_one_elsewhere():
@@ -22,7 +27,7 @@ def test_two_curves_of_one_equation_count_for_more_than_a_better_one_elsewhere()
     bare = Nuisances(fit, np.array([0]), objective.prior)
 
     def of(*curves: np.ndarray) -> float:
-        return evidence_joined(bare, curves).evidence
+        return evidence_joined(bare, [told(each) for each in curves]).evidence
 
     assert max(of(own[:, :1]), of(own[:, 1:])) < of(elsewhere) < of(own[:, :1], own[:, 1:])
     assert of(rng.standard_normal((600, 3))) < 0.0
@@ -37,6 +42,6 @@ def test_one_curve_that_explains_an_error_does_not_pay_for_others_that_do_not():
         lambda theta: (measured, np.ones((600, 1))), (UnknownParameter("level", 1.0),)
     )
     bare = Nuisances(objective.linearise_at(np.zeros(1)), np.array([0]), objective.prior)
-    joined = evidence_joined(bare, curves)
+    joined = evidence_joined(bare, [told(each) for each in curves])
     assert joined.which == (2,)
-    assert joined.evidence > evidence_joined(bare, [np.column_stack(curves)]).evidence + 20.0
+    assert joined.evidence > evidence_joined(bare, [told(np.column_stack(curves))]).evidence + 20.0

@@ -83,7 +83,6 @@ def _tested(at: CurvesAt, beside: Nuisances, causes: Sequence[CandidateCause]) -
         return TestedForm(Form(None, "nothing that may drive it varies in this log"))
     for cause, term in {d.cause: d.term for d in drivers if d.term}.items():
         beside = beside.also(term.off[:, None], abs(float(at.fit.theta[cause.index])))
-    beside = at.beside_noise(beside, [driver.table for driver in drivers])
     deviations = [_deviation(at, beside, driver.table) for driver in drivers]
     least = min(range(len(drivers)), key=lambda i: deviations[i].p_value)
     driver, found = drivers[least], deviations[least]

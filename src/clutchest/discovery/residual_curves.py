@@ -41,7 +41,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
-FAINT = 1e-9  # of the largest, squared: a direction of noise that is none
+CLEAR = 100.0  # times the power of a curve's noise, from which on a remainder is a curve
 REGULATED = 0.2  # of its size: a covariate that moves less is held there
 ENTRIES = 1e7  # of derivatives, held at a time
 
@@ -199,21 +199,19 @@ class CurvesAt:
         noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
         return self._tested(beside, tables, seed, noise)
 
-    def beside_noise(self, beside: Nuisances, tables: Sequence[CandidateCurve]) -> Nuisances:
-        """What is free ``beside`` these curves, and what each would be with the noise that its
-        covariate lacks, less what it is.  A parameter by which the model has a straight curve holds
-        that noise, which is in the innovations as well: what is left of the two beside each other
-        is no error."""
-        columns = [self._by_noise(t) for t in tables if all(t.covariate in n for n in self.noise)]
-        if not columns:
-            return beside
-        noise = np.column_stack(columns)
-        strength, directions = np.linalg.eigh(_gram(noise))
-        return beside.also(noise @ directions[:, strength > FAINT * strength[-1]], np.inf)
+    def negligible(self, table: CandidateCurve, derivatives: Floats) -> Floats:
+        """What of a curve's information (c, c) is no more than noise of its inputs, by its
+        ``derivatives`` (K, c)."""
+        return table.negligible * _gram(derivatives) + CLEAR * _gram(self._by_noise(table))
 
     def _by_noise(self, table: CandidateCurve) -> Floats:
-        """Derivatives (K, c) by the noise that a curve lacks."""
+        """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
+        what it is.  A parameter by which the model has a straight curve holds that noise, which is
+        in the innovations as well: what is left of the two beside each other is no error.  No rows
+        where it lacks none."""
         name, columns = table.covariate, np.arange(len(table.at))
+        if not all(name in noise for noise in self.noise):
+            return np.zeros((0, len(columns)))
         drives = zip(self.values, self.noise, strict=True)
         off = [
             hats(v[name] + noise[name], table.at) - hats(v[name], table.at) for v, noise in drives
@@ -232,7 +230,6 @@ class CurvesAt:
         """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
         choices = Counter(table.equation for table in tables)
         blocks = self.problem.blocks(block_time(self.problem))
-        beside = self.beside_noise(beside, tables)
         projection = Projection.of(beside.at, beside.free, beside.prior)
 
         def null(derivatives: Floats, c: Projected) -> Floats:
@@ -247,7 +244,7 @@ class CurvesAt:
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
             derivatives, some = self._portion(portion)
             negligible = [
-                table.negligible * _gram(derivatives[:, columns]) for table, columns in some
+                self.negligible(table, derivatives[:, columns]) for table, columns in some
             ]
             c = projection.out_of(derivatives.copy() if noise else derivatives)
             return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)

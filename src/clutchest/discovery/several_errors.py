@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from clutchest.discovery.curve_evidence import evidence
 from clutchest.discovery.refitted_curves import Located
 from clutchest.discovery.residual_curves import (
-    NEGLIGIBLE,
     CandidateCurve,
     Curve,
     CurvesAt,
@@ -41,9 +41,8 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
     errors, objective, fit, fitted = place
     at = CurvesAt.of(objective, fit)
     bare = Nuisances(fit, free, objective.prior)
-    apart = at.beside_noise(bare, at.every())
     first = _of_equation(errors, errors[0].equation)
-    found = [first if fitted else _likeliest(apart, at, errors)]
+    found = [first if fitted else _likeliest(bare, at, errors)]
     columns = [_columns(at, found[0])]
     while len(found) < MOST:
         beside = _beside(bare, columns)
@@ -59,7 +58,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
         again = _of_equation(at.tested(beside, at.every(), SEED), first[0].equation)
         if not again or again[0].p_value >= level:
             found, columns = others, columns[1:]
-    joined = [evidence_joined(apart, each) for each in columns]
+    joined = [evidence_joined(bare, each) for each in columns]
     ranked = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
     return [found[i] if fitted else _first(found[i], joined[i].which) for i in ranked]
 
@@ -71,20 +70,27 @@ class Joined(NamedTuple):
     which: tuple[int, ...]
 
 
-def evidence_joined(bare: Nuisances, curves: Sequence[Floats]) -> Joined:
-    """An error of derivatives ``curves`` ((K, c) each) against none, joined one by one as long as
-    each tells more than that it was one among them."""
-    columns = np.column_stack(curves)
-    negligible = NEGLIGIBLE * columns.T @ columns
-    ends = np.cumsum([each.shape[1] for each in curves])
-    own = [np.arange(end - each.shape[1], end) for end, each in zip(ends, curves, strict=True)]
+class CurveColumns(NamedTuple):
+    """Derivatives ``by`` (K, c) the coefficients of a curve, of whose information ``negligible``
+    (c, c) is no more than noise of its inputs."""
+
+    by: Floats
+    negligible: Floats
+
+
+def evidence_joined(bare: Nuisances, curves: Sequence[CurveColumns]) -> Joined:
+    """An error that is a sum of ``curves`` against none, joined one by one as long as each tells
+    more than that it was one among them."""
+    columns = np.column_stack([curve.by for curve in curves])
+    ends = np.cumsum([curve.by.shape[1] for curve in curves])
+    own = [np.arange(end - c.by.shape[1], end) for end, c in zip(ends, curves, strict=True)]
     test = Projection.of(bare.at, bare.free, bare.prior).out_of(columns)
     rare = 2.0 * np.log(len(curves))
 
     def joined(which: tuple[int, ...]) -> Joined:
         some = np.concatenate([own[i] for i in which])
-        among = np.ix_(some, some)
-        of = evidence(test.score[some], test.information[among], negligible[among])
+        negligible = block_diag(*(curves[i].negligible for i in which))
+        of = evidence(test.score[some], test.information[np.ix_(some, some)], negligible)
         return Joined(float(of) - rare * len(which), which)
 
     best = max(joined((i,)) for i in range(len(curves)))
@@ -114,8 +120,8 @@ def _of_equation(errors: Sequence[Curve], equation: str) -> list[Curve]:
     return [curve for curve in errors if curve.equation == equation]
 
 
-def _beside(bare: Nuisances, columns: Sequence[Sequence[Floats]]) -> Nuisances:
-    every = [column for each in columns for column in each]
+def _beside(bare: Nuisances, columns: Sequence[Sequence[CurveColumns]]) -> Nuisances:
+    every = [curve.by for each in columns for curve in each]
     return bare.also(np.column_stack(every), WIDEST).explained()
 
 
@@ -125,11 +131,12 @@ def _leading(errors: Sequence[Curve]) -> list[Curve]:
     return sorted(best, key=lambda c: -c.evidence)[:COVARIATES]
 
 
-def _columns(at: CurvesAt, errors: Sequence[Curve]) -> list[Floats]:
-    """Derivatives (K, c) by the curve of one equation over each of its leading covariates."""
+def _columns(at: CurvesAt, errors: Sequence[Curve]) -> list[CurveColumns]:
+    """The curve of one equation over each of its leading covariates."""
     place = places(at.problem)
     tables = [
         CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
         for c in _leading(errors)
     ]
-    return [part[:, columns] for part, some in at.derivatives(tables) for _, columns in some]
+    found = [(table, part[:, own]) for part, some in at.derivatives(tables) for table, own in some]
+    return [CurveColumns(by, at.negligible(table, by)) for table, by in found]
