@@ -100,8 +100,8 @@ def test_a_model_that_is_not_there_names_the_nearest(own, named: str, expected: 
     [
         ("x = 1\n", "expected one clutchest.machine.Machine at the top level, it defines none"),
         (
-            "import math\nfrom plate import MACHINE\n",
-            "servo.py:2: ModuleNotFoundError: No module named 'plate'",
+            "import math\nfrom neighbour import MACHINE\n",
+            "servo.py:2: ModuleNotFoundError: No module named 'neighbour'",
         ),
         ("def broken(:\n", "servo.py:1: SyntaxError: invalid syntax"),
         (
