@@ -12,7 +12,7 @@ import pytest
 
 import clutchest
 from clutchest.compute.records import Varying
-from clutchest.discovery.curve_evidence import evidence, freedom, most_probable
+from clutchest.discovery.curve_evidence import covariance, evidence, freedom
 from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Nuisances, curves
 from clutchest.discovery.search import begin
@@ -48,7 +48,8 @@ def test_a_curve_fitted_in_full_has_the_evidence_of_the_first_order_where_that_i
     measured = design @ [0.4, -1.5, 0.8] + rng.standard_normal(500)
     score, information = design.T @ measured, design.T @ design
     none = np.zeros((3, 3))
-    best, spread = most_probable(score, information, none, 10.0)
+    spread = covariance(information, none, 10.0)
+    best = spread @ score
     explained = measured @ measured - np.sum((measured - design @ best) ** 2)
     own = explained - freedom(best, information, none)
     assert own == pytest.approx(evidence(score, information, none), abs=0.1)
@@ -57,7 +58,8 @@ def test_a_curve_fitted_in_full_has_the_evidence_of_the_first_order_where_that_i
 
 def test_a_direction_that_the_data_hardly_inform_costs_and_moves_nothing() -> None:
     information, faint = np.diag([400.0, 1e-3]), np.diag([0.0, 1.0])
-    best, spread = most_probable(np.array([200.0, 5.0]), information, faint, 10.0)
+    spread = covariance(information, faint, 10.0)
+    best = spread @ np.array([200.0, 5.0])
     assert best == pytest.approx([0.5, 0.0], rel=1e-3)
     assert spread[1, 1] == 0.0
     alone = freedom(best[:1], information[:1, :1], faint[:1, :1])

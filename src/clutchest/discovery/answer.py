@@ -108,7 +108,7 @@ def where_of(
     if verdict == "none":
         return None
     if verdict == "unknown":
-        first, *also = (_established(each, peaks) for each in (errors, *others))
+        first, *also = (_most_significant(each, peaks) for each in (errors, *others))
         return replace(first, others=tuple(also))
     curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
     of, own = causes[0], list(causes[0].drivers)
@@ -123,12 +123,10 @@ def where_of(
 
 def strongest_of(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where | None:
     """The most likely error, though none is established; None where no curve was tested."""
-    if not errors:
-        return None
-    return replace(_where(errors[0].equation, errors, peaks), p_value=errors[0].p_value)
+    return _most_significant(errors, peaks) if errors else None
 
 
-def _established(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
+def _most_significant(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
     """The error of the first curve's equation, as significant as the most significant one there."""
     where = _where(errors[0].equation, errors, peaks)
     return replace(where, p_value=min(c.p_value for c in errors if c.equation == where.equation))

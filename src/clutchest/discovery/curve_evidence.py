@@ -31,27 +31,22 @@ def expected(score: Floats, information: Floats, negligible: Floats) -> tuple[Fl
     weight = softmax(each / 2.0)
     mean = np.asarray(weight @ means)
     apart = (means - mean) * np.sqrt(weight)[:, None]
-    variance, directions = np.linalg.eigh(np.tensordot(weight, covariances, 1) + apart.T @ apart)
-    return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
+    return mean, principal_deviations(np.tensordot(weight, covariances, 1) + apart.T @ apart)
 
 
-def covariance(information: Floats, negligible: Floats) -> Floats:
-    """Covariance (c, c) of coefficients under a prior of one unit, none in directions in which the
-    data inform less than ``negligible`` (c, c): there they stay 0."""
+def principal_deviations(covariance: Floats) -> Floats:
+    """In rows (c, c) the principal directions of a ``covariance`` (c, c), a standard deviation
+    each."""
+    variance, directions = np.linalg.eigh(covariance)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T)
+
+
+def covariance(information: Floats, negligible: Floats, std: float = 1.0) -> Floats:
+    """Covariance (c, c) of coefficients under a prior of standard deviation ``std``, none in
+    directions in which the data inform less than ``negligible`` (c, c): there they stay 0."""
     strength, directions = np.linalg.eigh(information)
     informed = _informed(strength, directions, negligible)
-    return np.asarray((directions * (informed / (1.0 + strength))) @ directions.T)
-
-
-def most_probable(
-    score: Floats, information: Floats, negligible: Floats, std: float
-) -> tuple[Floats, Floats]:
-    """Coefficients (c) under a prior of standard deviation ``std``, and their covariance (c, c), 0
-    in directions that the data inform no better than ``negligible`` (c, c)."""
-    strength, directions = np.linalg.eigh(information)
-    informed = _informed(strength, directions, negligible)
-    spread = (directions * (informed / (std**-2.0 + strength))) @ directions.T
-    return np.asarray(spread @ score), np.asarray(spread)
+    return np.asarray((directions * (informed / (std**-2.0 + strength))) @ directions.T)
 
 
 def freedom(coefficients: Floats, information: Floats, negligible: Floats) -> float:

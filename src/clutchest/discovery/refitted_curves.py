@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.compute.records import Varying
-from clutchest.discovery.curve_evidence import freedom, most_probable
+from clutchest.discovery.curve_evidence import covariance, freedom, principal_deviations
 from clutchest.discovery.residual_curves import NEGLIGIBLE, Curve, CurvesAt, places
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import TIME_KNOTS, hats
@@ -122,13 +122,12 @@ class _Fits:
             if gained < SETTLED:
                 break
         of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
-        _, spread = most_probable(of.score, of.information, negligible, WIDEST)
+        spread = covariance(of.information, negligible, WIDEST)
         explained = self.null.fit.cost - at.lin.cost
-        strength, directions = np.linalg.eigh(spread)
         known = replace(
             curve,
             coefficients=at.coefficients,
-            off=np.sqrt(np.maximum(strength, 0.0))[:, None] * directions.T,
+            off=principal_deviations(spread),
             worth=explained - 2.0 * float(np.trace(spread @ of.information)),
             evidence=(evidence := explained - freedom(at.coefficients, of.information, negligible)),
             # noise has a Bayes factor of B once in B times at most
@@ -147,8 +146,7 @@ class _Fits:
     def _step(self, at: _Point, by: Floats) -> tuple[Floats, Floats]:
         """A step of all unknowns (m) and of the coefficients (c)."""
         of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
-        aim, _ = most_probable(of.score, of.information, negligible, WIDEST)
-        change = aim - at.coefficients
+        change = covariance(of.information, negligible, WIDEST) @ of.score - at.coefficients
         psi, prior = at.lin.by(self.free), at.objective.prior[self.free]
         inner = psi.T @ psi + np.diag(prior + 1e-9)
         down = psi.T @ (at.lin.r + by @ change) + prior * at.lin.theta[self.free]

@@ -18,9 +18,7 @@ _ACTUATOR = (
     "ambient_temp",
     "time",
 )
-_WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
-    "slip_speed",
-    "slave_position",
+_WARMTH = (  # of what is there, and what made it
     "temp_disc",
     "temp_body",
     "temp_housing",
@@ -29,6 +27,8 @@ _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does
     "energy",
     "time",
 )
+# What wears also creeps and swells; how fast the engine or the truck goes does nothing to it.
+_WEARS = ("slip_speed", "slave_position", *_WARMTH)
 # How much slip energy wears depends on the contact, and on how long it has been run in.
 _WEARS_BY_ENERGY = ("slip_speed", "slave_position", "temp_disc", "temp_body", "energy", "time")
 _HEATS = (  # flows between what is warm, stirred by what turns, through what touches
@@ -37,13 +37,7 @@ _HEATS = (  # flows between what is warm, stirred by what turns, through what to
     "input_shaft_speed",
     "vehicle_speed",
     "slave_position",
-    "temp_disc",
-    "temp_body",
-    "temp_housing",
-    "coolant_temp",
-    "ambient_temp",
-    "energy",
-    "time",
+    *_WARMTH,
 )
 # The rate of the slip is none of these: it is the reading's own noise that it would go with.
 _ENGINES_BALANCE = (
