@@ -48,7 +48,7 @@ class Outsider:
 class FluidFilm(Outsider):
     """Oil between plates that do not touch yet is sheared: the narrower the gap, the more."""
 
-    name, equations, drivers = "fluid_film", ("torque",), ("slip_speed", "oil_temp")
+    name, equations, drivers = "fluid_film", ("torque",), ("slip_speed", "gap", "oil_temp")
     scenarios, unit, largest = ("coast", "slip-oil-sweep"), "Nm per 10 rad/s at 0.1 mm", 40.0
 
     def law(self) -> Law:

@@ -24,7 +24,7 @@ from clutchest.discovery.residual_curves import (
     places,
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
-from clutchest.discovery.search import Search
+from clutchest.discovery.search import CLOSE, Search
 from clutchest.inference.covariates import hats, knots
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
@@ -40,6 +40,7 @@ CONSTANT = 0.1  # of a change by an effect: one that varies by less is none of i
 WIDEST = 10.0  # standard deviation of a curve that stands for a form, in sizes of the effect
 BENDS = 5  # of a curve where its effect acts
 CLOSEST = 0.01  # of a driver's range: from one knot to the next
+MINOR = 0.1  # of what one cause explains: one that explains less may be no more than its form
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +57,14 @@ class TestedForm:
     columns: Floats | None = None
 
 
-def tested_forms(search: Search, h: CauseSet) -> dict[str, TestedForm]:
-    """The test of every effect of a cause set, by name."""
+def tested_forms(search: Search, h: CauseSet, *, wider: bool = False) -> dict[str, TestedForm]:
+    """The test of every effect of a cause set, by name; ``wider``: its gain also over what else
+    drives the error that stands for it."""
     fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
     at = CurvesAt.of(search.objective, fit)
     beside = _beside(search, fit, h)
     own = {name: [c for c in h.causes if c.name == name] for name in h.effects}
-    return {name: _tested(at, beside, causes) for name, causes in own.items()}
+    return {name: _tested(at, beside, causes, wider) for name, causes in own.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +77,11 @@ class _Driver:
     term: Standin | None
 
 
-def _tested(at: CurvesAt, beside: Nuisances, causes: Sequence[CandidateCause]) -> TestedForm:
+def _tested(
+    at: CurvesAt, beside: Nuisances, causes: Sequence[CandidateCause], wider: bool
+) -> TestedForm:
     """The form of one effect, of which ``causes`` are the gains."""
-    drivers = _drivers(at, causes)
+    drivers = _drivers(at, causes, wider)
     names = tuple(dict.fromkeys(driver.table.covariate for driver in drivers))
     if not drivers:
         return TestedForm(Form(None, "nothing that may drive it varies in this log"))
@@ -174,6 +178,8 @@ def fewer_causes(search: Search) -> CauseSet | None:
     fewer = min(fits, key=cost_of)
     if fewer.cost - best.cost < search.least_gain(fewer):
         return fewer
+    if (without := _no_more_than_form(search, fits)) is not None:
+        return without
     forms = tested_forms(search, search.released(best))
     if not any(tested_form.form.refuted for tested_form in forms.values()):
         return None
@@ -183,6 +189,22 @@ def fewer_causes(search: Search) -> CauseSet | None:
     explained = {i: _explained(beside, best.causes[i].index) for i in rest}
     least = min(explained, key=lambda i: explained[i], default=None)
     return None if least is None or explained[least] > search.least_gain() else fits[least]
+
+
+def _no_more_than_form(search: Search, fits: Sequence[CauseSet]) -> CauseSet | None:
+    """Of the best without one cause each, one without which the form of a much stronger cause is
+    refuted, by a curve that explains as much as the cause does."""
+    explained = [fewer.cost - search.best.cost for fewer in fits]
+    for fewer, own in zip(fits, explained, strict=True):
+        strong = {
+            c.name for c, e in zip(search.best.causes, explained, strict=True) if own < MINOR * e
+        }
+        if not strong:
+            continue
+        forms = tested_forms(search, search.released(fewer), wider=True)
+        if any(forms[n].form.refuted and forms[n].worth > own - CLOSE for n in strong):
+            return fewer
+    return None
 
 
 def _explained(beside: Nuisances, gain: int) -> float:
@@ -203,8 +225,8 @@ def _beside(search: Search, fit: Linearisation, h: CauseSet) -> Nuisances:
     return beside
 
 
-def _drivers(at: CurvesAt, causes: Sequence[CandidateCause]) -> list[_Driver]:
-    """Of the gains ``causes`` of one effect."""
+def _drivers(at: CurvesAt, causes: Sequence[CandidateCause], wider: bool) -> list[_Driver]:
+    """Of the gains ``causes`` of one effect; ``wider``: with what else drives their error."""
     known, drivers = at.varying(), []
     for cause in causes:
         names: Sequence[str] = drivers_of(cause.effect, cause.gain.key, known)
@@ -212,6 +234,10 @@ def _drivers(at: CurvesAt, causes: Sequence[CandidateCause]) -> list[_Driver]:
         names = names or _functions(at, term, known) or _of_equation(at.problem, cause, known)
         for name in names:
             drivers += _over(at, cause, term, name)
+        if wider and term:
+            own = at.problem.compiled.machine.error_terms[term.term].covariates
+            for name in [name for name in known if name in own and name not in names]:
+                drivers += _over(at, cause, None, name)
     return drivers
 
 

@@ -122,8 +122,7 @@ def _verdict(
     denied = sum(dropped.values())
     unnamed = _significant(remaining) and remaining[0].worth > denied
     p = errors[0].p_value if errors else 1.0
-    forms = tested_forms(search, best)
-    unnamed = unnamed and not _by_form(search, best, forms)
+    forms, unnamed = _by_forms(search, best, unnamed)
     held = any(not tested.form.refuted for tested in forms.values())
     if len(best.causes) > 1 or held:  # one curve may explain as much as several, or more than one
         errors = _residual_errors(search, search.null)  # by the noise of the best
@@ -167,6 +166,17 @@ def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> 
     2 Δ ln L."""
     most = max((curve.worth for curve in errors), default=0.0)
     return most > explained + CLOSE * (2 - causes)
+
+
+def _by_forms(search: Search, best: CauseSet, unnamed: bool) -> tuple[dict[str, TestedForm], bool]:
+    """The tests of the forms of the best, over what its effects read or, where that names errors
+    beside it, over what else drives the errors that stand for them; and whether these remain
+    ``unnamed``."""
+    forms = tested_forms(search, best)
+    if not unnamed or _by_form(search, best, forms):
+        return forms, False
+    wide = tested_forms(search, best, wider=True)
+    return (wide, False) if _by_form(search, best, wide) else (forms, True)
 
 
 def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm]) -> bool:

@@ -31,7 +31,7 @@ _TORQUE = (
     "energy",
     "time",
 )
-_DRAG = ("slip_speed", "gap", "oil_temp")
+_DRAG = ("slip_speed", "gap", "pack_force", "oil_temp")
 _ANGLE_SENSOR = ("motor_angle", "temp_armature", "oil_temp", "time")
 _CURRENT_SENSOR = ("current", "temp_armature", "oil_temp", "time")
 _CLOCK = ("time",)
