@@ -37,7 +37,7 @@ from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Floats, Signal, Signals, Truth
 from clutchest.simulation_options import Effects, Options, checked_effects, checked_options
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
-from clutchest.vehicle.vehicle import SPEED
+from clutchest.vehicle.vehicle import FORCE, SPEED
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
@@ -315,8 +315,10 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
 
     for name, (time, value) in sampled.signals.items():
         signal = vehicle.signals[name]
-        times[signal.bus.message] = time
-        senders[signal.bus.message] = signal
+        for bus in (signal.bus, signal.other, signal.less):
+            if bus:
+                times.setdefault(bus.message, time)
+                senders.setdefault(bus.message, signal)
         if signal.reference is not None:
             _put_torque(signal, value / signal.reference * 100, database, put)
             continue
@@ -324,7 +326,12 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
         shown = value / signal.gears[0] if signal.gears else value
         unit = units_of[name]
         if signal.radius is not None:
-            shown, unit = shown * signal.radius, SPEED
+            force = unit == "Nm"
+            shown = shown / signal.radius if force else shown * signal.radius
+            unit = FORCE if force else SPEED
+        if signal.less:  # as much of it on either side
+            put(signal.less, units.convert(-shown / 2, unit, signal.less.unit))
+            shown = shown / 2
         put(signal.bus, units.convert(shown, unit, signal.bus.unit))
         if signal.other:
             put(signal.other, units.convert(shown, unit, signal.other.unit))

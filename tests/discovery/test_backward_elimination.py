@@ -118,7 +118,7 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     curve = SimpleNamespace(worth=worth, p_value=1e-9)
     monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
-    monkeypatch.setattr(verdict, "tested_forms", lambda search, of: {"a": held})
+    monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
     monkeypatch.setattr(verdict, "located", lambda _, errors: SimpleNamespace(errors=errors))
     monkeypatch.setattr(verdict, "several_errors", lambda place, free, level: [])
     said = verdict._verdict(search, {}, [curve], {"b": 50.0})

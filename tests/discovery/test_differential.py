@@ -36,9 +36,7 @@ class CutOff:
     """A drag that goes with slip until the plates touch."""
 
     def law(self):
-        return lambda seen: {
-            "film": 0.5 * seen["slip_speed"] * (seen["plate"] < seen["free_play"])
-        }
+        return lambda seen: {"film": 0.5 * seen["slip_speed"] * (seen["plate"] < seen["free_play"])}
 
     def readings(self, true):
         return true

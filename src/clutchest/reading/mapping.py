@@ -28,7 +28,6 @@ from clutchest.reading.traffic import traffic_of
 from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
-from clutchest.vehicle.vehicle import SPEED
 
 
 class NoMappedFrame(ClutchestError):
@@ -327,10 +326,12 @@ class Decoding:
             other = self._samples(signal, signal.other)
             if other.any_valid():
                 value = (value + other.at(samples.rows)) / 2
+        if signal.less:
+            value, why = self._difference(signal, samples)
         if signal.reference is not None:
             value = self._torque(signal, samples)
         elif signal.radius is not None:
-            value = units.convert(value, signal.bus.unit, SPEED) / signal.radius
+            value = signal.through_radius(value)
         else:
             value = units.convert_reading(value, signal.bus.unit, unit)
         if signal.gear and self._gear_is_sent(signal):
@@ -349,6 +350,19 @@ class Decoding:
         time = memory_mapped.mapped_to_disk(time)
         self.times.append((rows, time))
         return time
+
+    def _difference(self, signal: SignalMap, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
+        """What is left of a signal less the other one, which must be known."""
+        assert signal.less is not None
+        other = self._samples(signal, signal.less)
+        if not other.any_valid():
+            self.warnings.append(
+                f"{signal.name} is not known: no valid {signal.less.message}.{signal.less.signal}"
+            )
+            unknown = np.uint8(Why.NOT_AVAILABLE)
+            return samples.value, np.where(samples.why == VALID, unknown, samples.why)
+        held = units.convert(other.at(samples.rows), signal.less.unit, signal.bus.unit)
+        return samples.value - held, samples.why
 
     def _gear_is_sent(self, signal: SignalMap) -> bool:
         return signal.gear is not None and self._samples(signal, signal.gear).any_valid()

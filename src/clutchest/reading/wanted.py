@@ -41,7 +41,7 @@ def parts(signal: SignalMap) -> list[BusSignal]:
     tables have."""
     if not signal.on_bus:
         return []
-    companions = (signal.fraction, signal.friction, signal.gear, signal.other)
+    companions = (signal.fraction, signal.friction, signal.gear, signal.other, signal.less)
     return [signal.bus, *(bus for bus in companions if bus)]
 
 

@@ -13,7 +13,7 @@ from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.errors import ClutchestError
 from clutchest.vehicle.named_files import LARGEST_CHANNEL
 from clutchest.vehicle.toml import Keys, TomlFile
-from clutchest.vehicle.vehicle import SPEED, TIMING, BusSignal, SignalMap
+from clutchest.vehicle.vehicle import FORCE, SPEED, TIMING, BusSignal, SignalMap
 
 LARGEST_ADDRESS = 253  # J1939 keeps the addresses above
 LARGEST_GEAR = 255
@@ -36,6 +36,7 @@ _KEYS = (
     "gear",
     "gear_numbers",
     "other",
+    "less",
     "min",
     "max",
     "source_address",
@@ -51,7 +52,6 @@ _REQUIRES = {
     "gear": "gears",
     "gear_numbers": "gear",
     "other": "gears",
-    "radius": "gears",
 }
 
 
@@ -111,7 +111,7 @@ def _signal(entry: _Entry) -> SignalMap:
     entry.check_keys()
     reference, radius = _reference(entry), _radius(entry)
     expected = entry.unit if reference is None else "%"
-    expected = expected if radius is None else SPEED
+    expected = expected if radius is None else _through_radius(entry)
     if radius is None and "gears" in entry.table and _is_speed(entry.table["unit"]):
         raise entry.error(
             "unit",
@@ -138,6 +138,7 @@ def _signal(entry: _Entry) -> SignalMap:
         gear=_companion(entry, "gear", bus, "1", "1"),
         gear_numbers=_gear_numbers(entry),
         other=_companion(entry, "other", bus, expected, unit),
+        less=_less(entry, bus, expected, unit),
         minimum=minimum,
         maximum=maximum,
         source_address=entry.integer("source_address", LARGEST_ADDRESS),
@@ -161,10 +162,31 @@ def _reference(entry: _Entry) -> float | None:
 
 
 def _radius(entry: _Entry) -> float | None:
-    """Rolling radius of the tyres, m, by which a speed of the road is one of the wheels."""
+    """Rolling radius of the tyres, m, by which a speed of the road is one of the wheels, and their
+    force a torque."""
     if "radius" not in entry.table:
         return None
     return entry.file.quantity(entry.keys("radius"), entry.table["radius"], "m", 1e-2, 10.0).value
+
+
+def _through_radius(entry: _Entry) -> str:
+    """Unit of what becomes the canonical signal through the tyres' radius."""
+    if entry.unit == "Nm":
+        if "reference" in entry.table:
+            raise entry.error(
+                "radius", "'radius' makes a force a torque, 'reference' percent: one of them"
+            )
+        return FORCE
+    if "gears" not in entry.table:
+        raise entry.error("radius", f"signals.{entry.name}.radius requires 'gears' beside it")
+    return SPEED
+
+
+def _less(entry: _Entry, bus: BusSignal, expected: str, unit: str) -> BusSignal | None:
+    """The signal that is subtracted, of a torque that is the difference of two."""
+    if "less" in entry.table and (entry.unit != "Nm" or "reference" in entry.table):
+        raise entry.error("less", "'less' is for a torque that two signals in Nm or N make")
+    return _companion(entry, "less", bus, expected, unit)
 
 
 def _is_speed(unit: object) -> bool:

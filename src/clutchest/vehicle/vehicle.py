@@ -10,11 +10,13 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchest import units
 from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
 from clutchest.shown import Showing, Shown, printed
+from clutchest.signals import Floats
 
 if TYPE_CHECKING:
     from clutchest.models.effects import Effect
@@ -25,6 +27,7 @@ FALSE_ALARMS = 1.0  # per 1000 h, unless a vehicle file has another number
 
 
 SPEED = "m/s"  # of the road
+FORCE = "N"  # of a tyre on it
 
 
 def _says_guess(source: str) -> bool:
@@ -70,6 +73,8 @@ class SignalMap:
     taken from ``gear`` where mapped, which has ``gear_numbers`` in them (1, 2, … unless given),
     else inferred; with ``other``, the second wheel of the axle,
     the mean of both turns the differential.
+    A torque that is a difference, of two half-shafts say, is ``bus`` less the signal ``less``; in a
+    unit of force, as that of the tyres, it becomes one through ``radius``.
 
     ``minimum``, ``maximum`` in the bus unit: samples outside are invalid.  ``source_address``
     (J1939) and ``channel`` choose among several senders.  ``period`` s, where the DBC states no
@@ -92,6 +97,7 @@ class SignalMap:
     gear: BusSignal | None = None
     gear_numbers: tuple[int, ...] = ()
     other: BusSignal | None = None
+    less: BusSignal | None = None
     minimum: float | None = None
     maximum: float | None = None
     source_address: int | None = None
@@ -102,6 +108,14 @@ class SignalMap:
     def on_bus(self) -> bool:
         """Whether frames carry it."""
         return bool(self.bus.message)
+
+    def through_radius(self, value: Floats) -> Floats:
+        """A speed of the road (n) in the bus unit as one of the wheels in rad/s, a tyre's force as
+        its torque in Nm."""
+        assert self.radius is not None
+        if units.compatible(self.bus.unit, FORCE):
+            return units.convert(value, self.bus.unit, FORCE) * self.radius
+        return units.convert(value, self.bus.unit, SPEED) / self.radius
 
     @property
     def noise_guessed(self) -> bool:
