@@ -41,6 +41,7 @@ from clutchest.discovery.goodness_of_fit import goodness_of_fit
 from clutchest.discovery.search import Search, begin, with_noise_of_best
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.shape_profile import refine
+from clutchest.discovery.speed_agreement import disagreement
 from clutchest.discovery.verdict import judge
 from clutchest.inference.problem import Problem
 from clutchest.models.error_term_effects import error_term_effects
@@ -115,7 +116,10 @@ def near(name: str) -> Record:
     random = np.random.default_rng([seed, 2])
     drive, kind = Short(seed, str(random.choice(list(NOISES)))), NEAR_MISSES[cause]
     outsider = kind(float(random.choice(SHARES)) * kind.largest, float(random.uniform()))
-    problem = problem_of(drive.signals(outsider=outsider), drive)
+    signals = drive.signals(outsider=outsider)
+    if (off := disagreement(signals, drive.vehicle)) is not None:
+        signals = off.corrected(signals)
+    problem = problem_of(signals, drive)
     verdict = judge(begin(problem), None, None)
     search = verdict.search
     causes = causes_of(verdict) if verdict.name in ("named", "ambiguous") else ()
@@ -127,6 +131,8 @@ def near(name: str) -> Record:
     fit = goodness_of_fit(problem, search.objective.less_scatter(again))
     if said != "unknown" and fit.outweighs(search.null.cost - best.cost):
         said, where, causes = "unknown", distorted(fit), ()
+    if off is not None and not causes:
+        said, where = "unknown", off.before(where)
     return {
         "scenario": drive.scenario,
         "noise": drive.noise,

@@ -34,7 +34,14 @@ from clutchest.discovery.identifiable import identifiability, not_testable, unte
 from clutchest.discovery.misfit import misfit
 from clutchest.discovery.own_noise import loud, with_noise_of_likeliest
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
+from clutchest.discovery.result import (
+    Cause,
+    Discovery,
+    Experiment,
+    Gain,
+    Identifiable,
+    Where,
+)
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
@@ -44,6 +51,7 @@ from clutchest.discovery.sentences import (
     sentence,
     still_distorted,
 )
+from clutchest.discovery.speed_agreement import Disagreement, disagreement
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
@@ -94,7 +102,10 @@ def discover(
         signals, [each for drive in drives for each in drive.drives], machine
     )
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
-    task = _Task(signals, held_out, vehicle, effects, tuple(map(Path, effects_files)), progress)
+    if (off := disagreement(signals, vehicle)) is not None:
+        signals, held_out = off.corrected(signals), tuple(map(off.corrected, held_out))
+    files = tuple(map(Path, effects_files))
+    task = _Task(signals, held_out, vehicle, effects, files, progress, off)
     return _answer(task, on_identifiability)
 
 
@@ -109,7 +120,8 @@ def _drives(given: Sequence[Signals] | Signals | Logs | None, vehicle: Vehicle) 
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A log and held-out drives of a vehicle, the effects to test, and the user's files."""
+    """A log and held-out drives of a vehicle, the effects to test, and the user's files; by what
+    two speeds disagreed, which signals are without."""
 
     signals: Signals
     held_out: tuple[Signals, ...]
@@ -117,6 +129,7 @@ class _Task:
     effects: tuple[Effect, ...]
     files: tuple[Path, ...]
     progress: Progress | None
+    off: Disagreement | None
 
     @property
     def own(self) -> list[Effect]:
@@ -135,6 +148,14 @@ class _Task:
         problem = with_fitted_gains(problem)
         give_back()  # of an hour, preparing it took 200 MiB for a moment
         return problem
+
+    def with_disagreement(
+        self, outcome: _Outcome, where: Where | None
+    ) -> tuple[_Outcome, Where | None]:
+        """What was found and where, where no cause has a name behind the speeds' disagreement."""
+        if self.off is None or outcome.named:
+            return outcome, where
+        return replace(outcome, name="unknown"), self.off.before(where)
 
     def show(self, text: str) -> None:
         """Report progress."""
@@ -199,7 +220,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     peaks = task.vehicle.machine.peaks
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, peaks)
-    where = distorted(left) if doubted else where
+    outcome, where = task.with_disagreement(outcome, distorted(left) if doubted else where)
     excited = any(each.excited for each in identifiable)
     above = loud(after, search.objective) if outcome.name == "none" else {}
     extended, curve, refused = _extended(task, verdict, outcome, causes)
@@ -310,7 +331,7 @@ def _extended(
     beside = corrected(search, acts) if outcome.named or outcome.curve is not None else {}
     sizes = {**beside, **sizes_by_effect(acts, sizes_of(causes))}
     extended, curve = extend(search.problem, sizes, outcome.curve, task.files)
-    return extended, curve, []
+    return task.off.stated(extended) if task.off else extended, curve, []
 
 
 def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
@@ -321,6 +342,7 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
         *task.vehicle.machine.reserved("discover"),
         *task.vehicle.notes,
         *task.signals.warnings,
+        *(task.off.words if task.off else ()),
         *untested_effects(problem, task.testable),
     ]
     if more := len(problem.drives) - len(task.signals.drives):

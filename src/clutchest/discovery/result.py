@@ -265,11 +265,13 @@ class Discovery(Tabulated):
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Names of the effects and curves that are in the extended model and not so in the given
-        one; empty where ``extended`` is the vehicle as it was."""
+        """Names of the effects, curves and delays that are in the extended model and not so in the
+        given one; empty where ``extended`` is the vehicle as it was."""
         before, after = self.vehicle.curves, self.extended.curves
         curves = [name for name, curve in after.items() if before.get(name) != curve]
-        return (*self.added_effects, *curves)
+        signals = self.vehicle.signals
+        late = [n for n, own in self.extended.signals.items() if own.delay != signals[n].delay]
+        return (*self.added_effects, *curves, *(f"the delay of {name}" for name in late))
 
     def shown(self) -> Shown:
         """The causes with their sizes."""

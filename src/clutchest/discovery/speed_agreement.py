@@ -1,0 +1,268 @@
+"""Whether two speeds that slip on each other agree where they do not: a sensor that counts a wrong
+number of teeth, or a message that is late, shows there before any equation is asked.
+
+The regimes are decided by these speeds.  Where one of them is late, or off in proportion, they are
+decided wrongly, and no curve beside the equations as they then are puts that right: so the speeds
+are made to agree first, and the search looks for what is wrong beside that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.special import ndtr
+
+from clutchest.discovery.result import Where
+from clutchest.shown import plus_minus
+from clutchest.signals import Floats, Signal, Signals
+from clutchest.vehicle import Vehicle
+
+STEP, SMOOTH = 0.02, 0.04  # s, of the grid, and the standard deviation of its smoothing
+EARLIEST, LATEST, APART = -0.2, 0.5, 0.02  # s, searched
+WIDE, CLOSE, STEPS = 0.05, 6.0, 12  # of the speed: slip that may be none, at first; in the end, in
+# standard deviations of the sensors' noise; so many steps from one to the other
+NOISE = 0.25  # of that width, squared: less is no disagreement
+TURNS = 0.15  # of its highest speed: a shaft that turns
+LEAST = 20.0  # s, that the two turn together
+BLOCK = 1.0  # s, in which what is left may correlate
+RATIO_SPREAD = 0.001  # of two healthy sensors, one over the other
+SURE = 5.0  # standard deviations, the healthy spread among them
+PLACES = 4  # of a delay in s that a file states
+EXPLAINS = 3.0  # standard deviations of what it explains, by blocks: not in a few of them alone
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """What two speeds disagree by while they turn together: the ``first`` over the ``second`` is 1
+    + ``ratio``, the second is ``late`` s; each 0 where it is no more than a healthy pair's, else
+    with its standard deviation; ``p_value`` of the surer one."""
+
+    first: str
+    second: str
+    ratio: float
+    ratio_std: float
+    late: float
+    late_std: float
+    p_value: float
+
+    def before(self, other: Where | None) -> Where:
+        """The sensor that is wrong, of a ratio the first, though it may be the second; behind it
+        whatever ``other`` equations have an error."""
+        ratio = [f"sensor:{self.first}"] if self.ratio else []
+        late = [f"timing:{self.second}"] if self.late else []
+        found = [
+            Where(equation, (equation.partition(":")[2],), p_value=self.p_value)
+            for equation in (*ratio, *late)
+        ]
+        beside = [] if other is None else [replace(other, others=()), *other.others]
+        return replace(found[0], others=(*found[1:], *beside))
+
+    @property
+    def words(self) -> list[str]:
+        """A warning each: what disagrees, and what was done about it."""
+        words, together = [], "while they turn together"
+        if self.ratio:
+            size = plus_minus(100.0 * abs(self.ratio), 100.0 * self.ratio_std, "%")
+            more = "more" if self.ratio > 0.0 else "less"
+            words.append(
+                f"{self.first} reads {size} {more} than {self.second} {together}: one of the two "
+                "is wrong; all else was examined as if it were the first"
+            )
+        if self.late:
+            size = plus_minus(1e3 * abs(self.late), 1e3 * self.late_std, "ms")
+            later = "later" if self.late > 0.0 else "earlier"
+            words.append(
+                f"{self.second} is {size} {later} than {self.first} {together}: all else was "
+                "examined without that"
+            )
+        return words
+
+    def corrected(self, signals: Signals) -> Signals:
+        """Every drive as it would have been read without it."""
+        first, *later = (self._corrected(drive) for drive in signals.drives)
+        return replace(first, later=tuple(later))
+
+    def stated(self, vehicle: Vehicle) -> Vehicle:
+        """The vehicle with the delay in its file, unless it is less than none; a ratio cannot be
+        stated."""
+        second = vehicle.signals[self.second]
+        delay = round(second.delay + self.late, PLACES)
+        if not self.late or delay < 0.0:
+            return vehicle
+        signals = {**vehicle.signals, self.second: replace(second, delay=delay)}
+        return replace(vehicle, signals=signals)
+
+    def _corrected(self, drive: Signals) -> Signals:
+        """One drive."""
+        signals = dict(drive.signals)
+        if self.ratio and self.first in signals:
+            one = signals[self.first]
+            signals[self.first] = replace(one, value=one.value / (1.0 + self.ratio))
+        if self.late and self.second in signals:
+            one = signals[self.second]
+            moved = replace(one, time=one.time - self.late)
+            signals[self.second] = moved.between(0.0, np.nextafter(drive.end, np.inf))
+        return replace(drive, signals=signals)
+
+
+def disagreement(signals: Signals, vehicle: Vehicle) -> Disagreement | None:
+    """What the two speeds that slip on each other disagree by where they do not; None where that is
+    no more than healthy ones do, or cannot be told: one is missing, or made of a wheel's, or they
+    do not turn together for long."""
+    event = vehicle.machine.event
+    if event is None or len(event.slip) != 2:
+        return None
+    first, second = event.slip
+    if not all(n in vehicle.signals and not vehicle.signals[n].gears for n in event.slip):
+        return None
+    drives = [
+        _Pair.of(drive[first], drive[second], vehicle)
+        for drive in signals.drives
+        if {first, second} <= drive.available
+    ]
+    fit = _fitted([pair for pair in drives if pair is not None], _width(vehicle, event.slip))
+    if fit is None:
+        return None
+    healthy = np.array([RATIO_SPREAD, vehicle.signals[second].delay_spread])
+    within: Floats = np.hypot(fit.std, healthy)
+    sure = np.abs(fit.value) / within * (fit.explains > EXPLAINS)
+    if sure.max() < SURE:
+        return None
+    ratio, late = map(float, np.where(sure < SURE, 0.0, fit.value))
+    p_value = max(4.0 * float(ndtr(-np.max(sure))), float(np.finfo(float).tiny))
+    return Disagreement(first, second, ratio, float(fit.std[0]), late, float(fit.std[1]), p_value)
+
+
+def _width(vehicle: Vehicle, names: Sequence[str]) -> float:
+    """rad/s of slip from which on it is no noise."""
+    return CLOSE * float(np.linalg.norm([vehicle.signals[name].noise for name in names]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """The two speeds of a drive at times ``time`` (n) s, where ``first`` (n) is; the ``second`` as
+    it was read at its own times."""
+
+    time: Floats
+    first: Floats
+    second: Signal
+
+    @classmethod
+    def of(cls, first: Signal, second: Signal, vehicle: Vehicle) -> _Pair | None:
+        """On one grid, smoothed, their stated delays allowed for; None of a short drive."""
+        one, two = (
+            replace(own, time=own.time - vehicle.signals[own.name].delay)
+            for own in (first.only_valid(), second.only_valid())
+        )
+        begin, end = max(one.time[0], two.time[0]), min(one.time[-1], two.time[-1])
+        time = np.arange(begin - EARLIEST, end - LATEST, STEP)
+        if len(time) * STEP < LEAST:
+            return None
+        return cls(time, _smooth(one.at(time)), two)
+
+    def at(self, late: float) -> Floats:
+        """The second speed (n) were it so much ``late``."""
+        return _smooth(self.second.at(self.time + late))
+
+
+def _smooth(value: Floats) -> Floats:
+    return np.asarray(gaussian_filter1d(value, SMOOTH / STEP, mode="nearest"))
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """The ratio less 1 and the lateness (2) that most of the time agrees with, and their standard
+    deviations; by how many of its own standard deviations each ``explains`` more than none."""
+
+    value: Floats
+    std: Floats
+    explains: Floats
+
+
+def _fitted(pairs: Sequence[_Pair], width: float) -> _Fit | None:
+    """Of drives in which slip beyond a ``width`` is none of noise; None where the speeds do not
+    turn together for long."""
+    if not pairs:
+        return None
+    speeds = _Speeds.of(pairs, width)
+    if np.count_nonzero(speeds.turns) * STEP < LEAST:
+        return None
+    tried = np.arange(EARLIEST, LATEST + APART / 2, APART)
+    losses = [float(np.sum(speeds.loss(speeds.ratio(late), late))) for late in tried]
+    near = float(tried[int(np.argmin(losses))])
+    value, std, seconds = speeds.refined(near)
+    if seconds < LEAST or not np.all(np.isfinite(std)):
+        return None
+    ratio, late = value
+    best = speeds.loss(ratio, late)
+    others = speeds.loss(0.0, late), speeds.loss(speeds.ratio(0.0), 0.0)
+    return _Fit(value, std, np.array([_clearly(other - best) for other in others]))
+
+
+def _clearly(gain: Floats) -> float:
+    """A gain of blocks (b), in standard deviations of its sum."""
+    return float(gain.sum() / max(np.linalg.norm(gain), 1e-12))
+
+
+@dataclass(frozen=True, slots=True)
+class _Speeds:
+    """Drives one after the other: the ``first`` speed (n), where the second ``turns`` (n), the
+    ``block`` (n) of each sample."""
+
+    pairs: Sequence[_Pair]
+    first: Floats
+    turns: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    width: float
+
+    @classmethod
+    def of(cls, pairs: Sequence[_Pair], width: float) -> _Speeds:
+        first = np.concatenate([pair.first for pair in pairs])
+        second = np.concatenate([pair.at(0.0) for pair in pairs])
+        block = np.arange(len(first)) // int(BLOCK / STEP)
+        return cls(pairs, first, second > TURNS * second.max(), block, width)
+
+    def second(self, late: float) -> Floats:
+        """The second speed (n) were it so much ``late``."""
+        return np.concatenate([pair.at(late) for pair in self.pairs])
+
+    def ratio(self, late: float) -> float:
+        """The first over the second, less 1, were the latter so much ``late``."""
+        return float(self._robust(self.second(late)[:, None], self.second(late))[0][0])
+
+    def loss(self, ratio: float, late: float) -> Floats:
+        """What they disagree by in each block, in ``width``, squared; no more where they slip, and
+        nothing where it may be noise, of which one lateness or another explains a little."""
+        left = self.first - (1.0 + ratio) * self.second(late)
+        lost = np.clip((left / self.width) ** 2, NOISE, 1.0) - NOISE
+        return np.bincount(self.block, np.where(self.turns, lost, 0.0)).astype(float)
+
+    def refined(self, near: float) -> tuple[Floats, Floats, float]:
+        """Ratio less 1 and lateness (2), from ``near`` on, their standard deviations by what is
+        left in blocks, and for how many s the speeds agree."""
+        second = self.second(near)
+        columns = np.column_stack([second, np.gradient(second, STEP)])
+        value, weight = self._robust(columns, second)
+        scores = columns * (weight * (self.first - second - columns @ value))[:, None]
+        each = np.column_stack([np.bincount(self.block, score) for score in scores.T])
+        inner = np.linalg.inv((columns.T * weight) @ columns + 1e-9 * np.eye(2))
+        std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner))
+        return value + np.array([0.0, near]), std, float(np.count_nonzero(weight)) * STEP
+
+    def _robust(self, columns: Floats, second: Floats) -> tuple[Floats, Floats]:
+        """Coefficients of ``columns`` (n, c) in what the speeds differ by, and weights (n), by
+        Tukey's, ever closer: where the speeds slip on each other they do not count."""
+        off, count = self.first - second, columns.shape[1]
+        wide = max(WIDE * float(np.median(second[self.turns])), self.width)
+        value: Floats = np.zeros(count)
+        weight: Floats = np.zeros(len(off))
+        for width in np.geomspace(wide, self.width, STEPS):
+            left = off - columns @ value
+            weight = np.where(self.turns, np.maximum(1.0 - (left / width) ** 2, 0.0) ** 2, 0.0)
+            inner = (columns.T * weight) @ columns + 1e-9 * np.eye(count)
+            value = np.asarray(np.linalg.solve(inner, (columns.T * weight) @ off))
+        return value, weight
