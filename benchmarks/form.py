@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from kept_records import keep, kept
+from scipy.optimize import minimize_scalar
 from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -33,6 +34,7 @@ from blind.near_misses import NEAR_MISSES
 from blind.oracle import Oracle
 from blind.outsiders import Outsider
 from blind.plan import gains
+from blind.seen import Seen
 
 from clutchest.discovery.answer import causes_of, distorted, where_of
 from clutchest.discovery.cause_set import CauseSet, cost_of
@@ -51,6 +53,7 @@ LEAST = 0.1  # of the largest plausible size
 NAMED = 40.0  # 2 Δ ln L
 RIGHT, NEAR = 310_000, 320_000  # seeds from here on
 TOLD = 8.0  # distance, squared, of what can be told from every effect of the library
+EVALUATED = 8  # shapes, at most, for the nearest
 SHARES = 0.25, 0.5  # of the largest size of a near miss
 Record = dict[str, Any]
 
@@ -156,9 +159,25 @@ def distance(drive: Drive, outsider: Outsider, said: str, sets: Sequence[CauseSe
     twin = oracle.twin(outsider=outsider)
     found = [min(oracle.nearest(twin, whole=False).values())]
     for h in sets if said in ("named", "ambiguous") else ():
-        shapes = {(c.name, key): value for c in h.causes for key, value in c.shapes}
-        found.append(oracle.distance(twin, h.effects, shapes))
+        found.append(_from(oracle, twin, h))
     return min(found)
+
+
+def _from(oracle: Oracle, twin: Seen, h: CauseSet) -> float:
+    """From what it was taken for, in the shapes that come nearest, each of them in turn."""
+    shapes = {(c.name, key): value for c in h.causes for key, value in c.shapes}
+    nearest = oracle.distance(twin, h.effects, shapes)
+    for effect, key in tuple(shapes):
+        number = next(n for n in oracle.effects[effect].parameters if n.key == key)
+
+        def off(value: float, at: tuple[str, str] = (effect, key)) -> float:
+            return oracle.distance(twin, h.effects, {**shapes, at: value})
+
+        within = np.clip(np.array([0.6, 1.6]) * shapes[effect, key], number.lower, number.upper)
+        best = minimize_scalar(off, bounds=within, method="bounded", options={"maxiter": EVALUATED})
+        if best.fun < nearest:
+            nearest, shapes[effect, key] = float(best.fun), float(best.x)
+    return nearest
 
 
 def names(which: str, count: int) -> list[str]:

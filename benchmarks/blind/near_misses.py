@@ -188,7 +188,7 @@ class FlashTemperature(NearMiss):
         "torque",
         ("slip_power", "slip_speed", "clutch_torque"),
     )
-    listed = False
+    # listed since it was missed
     unit, largest = "1 per 50 kW", 0.6
 
     def law(self) -> Law:
@@ -289,7 +289,7 @@ class RoughRoad(NearMiss):
     """The position sensor rectifies the shaking of the road: the faster the truck, the more."""
 
     name, equation, drivers = "rough_road", "sensor:slave_position", ("vehicle_speed",)
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "mm", 0.6
 
     def readings(self, true: Readings) -> Readings:
@@ -298,6 +298,44 @@ class RoughRoad(NearMiss):
         def position(t: Floats) -> Floats:
             speed = np.square(true["vehicle_speed"](t) / rough)
             return true["slave_position"](t) + self.size * speed / (1.0 + speed)
+
+        return {**true, "slave_position": position}
+
+
+class Polished(NearMiss):
+    """Every engagement polishes the lining a little, however much heat it makes."""
+
+    name, equation, drivers = "polished", "torque", ("engagements",)
+    listed = False
+    unit, largest = "1", 0.6
+
+    def law(self) -> Law:
+        few = 5.0 + 15.0 * self.phase
+        count, slipped = 0, False
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal count, slipped
+            slips = abs(seen["slip_speed"]) > (1.0 if slipped else 10.0)
+            count, slipped = count + (slips and not slipped), slips
+            return {"torque_share": -self.size * float(1.0 - np.exp(-count / few))}
+
+        return act
+
+
+class HeavyCore(NearMiss):
+    """The position sensor's core is dragged along as the engine jerks at its mounts."""
+
+    name, equation, drivers = "heavy_core", "sensor:slave_position", ("engine_acceleration",)
+    others, listed = ("zero_position",), False
+    unit, largest = "mm", 0.8
+
+    def readings(self, true: Readings) -> Readings:
+        least = 20.0 + 40.0 * self.phase
+
+        def position(t: Floats) -> Floats:
+            speed = true["engine_speed"]
+            rate = (speed(t + 0.02) - speed(np.maximum(t - 0.02, 0.0))) / 0.04
+            return true["slave_position"](t) + self.size * np.tanh(rate / least)
 
         return {**true, "slave_position": position}
 

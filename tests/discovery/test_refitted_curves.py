@@ -115,6 +115,7 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
     [
         ("bedding_in-112", "zero_position", "energy"),
         ("frictional_lag-116", "torque", "slip_rate"),
+        ("frictional_lag-132", "torque", "slip_rate"),
         ("shaken_sensor-107", "sensor:slave_position", "engine_speed"),
         ("floating_fingers-115", "sensor:slave_position", "engine_speed"),
     ],

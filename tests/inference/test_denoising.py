@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter, savgol_filter
 
 from clutchest.inference.denoising import (
+    CALM,
     GRID,
     REACH,
     _lines,
@@ -166,6 +167,13 @@ def test_a_pace_is_that_of_a_signal_and_none_of_its_noise():
     inside = (T > 2.1) & (T < 2.9)
     np.testing.assert_allclose(found[inside], 5.0, atol=0.7)
     assert np.mean(found[(T < 1.8) | (T > 3.2)] == 0.0) > 0.95
+
+
+def test_over_longer_a_slow_rate_leaves_its_noise():
+    """Slip that grows by 6 rad/s², read with the noise of two speeds."""
+    noisy = 6.0 * T + 0.08 * np.random.default_rng(5).standard_normal(len(T))
+    brief, calm = denoised_rate(T, noisy, ALWAYS), denoised_rate(T, noisy, ALWAYS, CALM)
+    assert np.median(brief) < 2.0 and np.median(calm) > 4.0
 
 
 def test_events_at_one_instant_have_no_pace():

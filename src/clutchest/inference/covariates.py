@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import casadi as ca
 import numpy as np
 
-from clutchest.inference.denoising import adaptive_mean, deadband, denoised_rate
+from clutchest.inference.denoising import BRIEF, CALM, adaptive_mean, deadband, denoised_rate
 from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -32,8 +32,9 @@ def covariates(
     spans = np.diff(line.t, prepend=line.t[0])
     # correlation with the noise of a covariate is no error
     series = {name: deadband(line.t, value, drive.tracked.act) for name, value in read.items()}
+    inputs = {item.name for item in drive.compiled.model.inputs}
     series |= {
-        name: denoised_rate(line.t, read[of], drive.tracked.act)
+        name: denoised_rate(line.t, read[of], drive.tracked.act, BRIEF if of in inputs else CALM)
         for name, of in machine.rates.items()
         if of in read
     }

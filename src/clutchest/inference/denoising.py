@@ -15,7 +15,8 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 GRID = 0.01  # s
-BRIEF = 0.06  # s over which a rate is taken
+BRIEF, CALM = 0.06, 0.2  # s over which a rate is taken: of an input, and of what masses make of it
+CALMER = 2.5  # times that: over which the noise of a rate is seen
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
@@ -98,13 +99,15 @@ def deadband_of_mean(
     return out
 
 
-def denoised_rate(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
-    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; zero
+def denoised_rate(
+    t: Floats, value: Floats, where: NDArray[np.bool_], over: float = BRIEF
+) -> Floats:
+    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``over`` s; zero
     within the reach of its noise, which the innovations hold as well."""
-    rate = _smooth(t, value, BRIEF, 1)
+    rate = _smooth(t, value, over, 1)
     if not len(value):
         return rate
-    reach = REACH * _noise(rate - _smooth(t, value, NARROW, 1), where)
+    reach = REACH * _noise(rate - _smooth(t, value, max(NARROW, CALMER * over), 1), where)
     return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
 
 

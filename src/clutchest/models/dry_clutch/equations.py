@@ -101,11 +101,13 @@ def torque_from_engine(q: Quantities) -> None:
 
 def power_modelled(q: Quantities) -> None:
     """(8) with the model's own torque."""
+    q.slip_power = ca.fabs(q.clutch_torque * q.slip_speed)
     q.power = q.sliding * q.clutch_torque * q.slip_speed
 
 
 def power_measured(q: Quantities) -> None:
     """(8) with the measured torque, while the surfaces are pressed together."""
+    q.slip_power = ca.fabs(q.measured_torque * q.slip_speed)
     q.power = q.engaged * q.measured_torque * q.slip_speed
 
 

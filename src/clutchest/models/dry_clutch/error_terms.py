@@ -9,11 +9,12 @@ from clutchest.models.error_terms import ErrorTerm
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
-# What is bolted to an engine is shaken by it.
+# What is bolted to an engine is shaken by it, and in a truck by the road.
 _ACTUATOR = (
     "slave_position",
     "position_rate",
     "engine_speed",
+    "vehicle_speed",
     "temp_housing",
     "ambient_temp",
     "time",
@@ -177,7 +178,7 @@ SENSOR_FOR = {
 
 # Covariates beside inputs, states, time and slip energy: quantities by name, rates, and
 # the highest value so far of states, since overheating changes a lining for good.
-COVARIATES = {"slip_speed": "rad/s"}
+COVARIATES = {"slip_speed": "rad/s", "slip_power": "W"}  # a surface is hot before any mass is
 SMOOTH_OVER = {"compression": "mm"}
 RATES = {"position_rate": "slave_position", "slip_rate": "slip_speed"}  # friction may lag
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
