@@ -85,6 +85,25 @@ def test_a_cause_that_is_strong_stays_significant():
     )
 
 
+def test_innovations_that_come_together_are_drawn_together(monkeypatch):
+    monkeypatch.setattr(estimated_noise, "DRAWS", 400)
+    loud = np.zeros(READINGS)
+    loud[100:120] = 1.0
+    sums = estimated_noise.in_blocks(loud, np.random.default_rng(1)).sum(axis=0)
+    alone = np.sqrt(20.0 * (1.0 - 20.0 / READINGS))  # standard deviation, drawn one by one
+    assert sums.mean() == pytest.approx(20.0, abs=2.0)
+    assert sums.std() > 2.5 * alone
+
+
+def test_more_is_drawn_where_few_draws_do_not_tell(monkeypatch):
+    """As many as there are batches, until a p-value is clear."""
+    for doubtful, batches in (((0.0, 2.0), 3), ((0.0, 0.0), 1)):
+        monkeypatch.setattr(estimated_noise, "DRAWS", 20)
+        monkeypatch.setattr(estimated_noise, "MOST", 60)
+        monkeypatch.setattr(estimated_noise, "DOUBTFUL", doubtful)
+        assert len(Record.drawn(800).calibrated().null) == 20 * batches
+
+
 def test_of_a_long_record_the_colour_is_known():
     record = Record.drawn(1, LONGEST + 1)
     assert record.calibrated() is record.test
@@ -108,7 +127,8 @@ def test_scores_of_draws_are_those_of_all_that_is_left_of_each(monkeypatch):
     found = noise.scores(*given, np.random.default_rng(6))
 
     rng = np.random.default_rng(6)
-    drawn = noise.restored(projection.r, every).coloured(rng.choice(projection.r, (READINGS, 8)))
+    innovations = estimated_noise.in_blocks(projection.r, rng)
+    drawn = noise.restored(projection.r, every).coloured(innovations)
     white = noise.whitened(noise.model, drawn)
     inner = every.T @ every + (1.0 + 1e-9) * np.eye(every.shape[1])
     rest = noise.coloured(white - every @ np.linalg.solve(inner, every.T @ white))

@@ -29,6 +29,7 @@ from clutchest.signals import Floats
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
 ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
 LEADS = 10.0  # the same after one turn, from which on a cause may become so
+SLIGHT = 0.5  # the same: a turn that gained less was the last
 LIKELY = 3.0  # the same by first order, from which on one that acts from nothing on is fitted
 SIZE = 0.3  # of its largest plausible size, from which a fit begins where the effect states none
 
@@ -76,7 +77,10 @@ def with_noise_of_likeliest(search: Search) -> Search:
     none, _, _ = _settled(begin, (), search.null.fit.theta)
     if none - fits[best][0] < ENOUGH:
         return search
-    none = min(none, _settled(begin, (), _without(tasks[best][0], fits[best][1]))[0])
+    others = concurrently(
+        search.problem, every, lambda i: _likeliest_without(begin, tasks[i][0], fits[i][1]), leaders
+    )
+    none = min(none, *others)
     if none - fits[best][0] < ENOUGH:
         return search
     gained = {cause: (none - cost, fit) for cause, (cost, fit) in own.items()}
@@ -107,12 +111,15 @@ def _likely_by_first_order(search: Search, objective: Objective) -> list[Candida
     return likely
 
 
-def _without(cause: CandidateCause, fit: Linearisation) -> Floats:
-    """Where a fit without a cause begins from one with it: it may end elsewhere, and better, than
-    from the vehicle file's numbers."""
+def _likeliest_without(begin: Objective, cause: CandidateCause, fit: Linearisation) -> float:
+    """The cost without a cause where fits from one with it lead: they may end elsewhere, and
+    better, than from the vehicle file's numbers.  From noise as that fit leaves it they stay near;
+    in white noise they may leave what it has found."""
     theta = fit.theta.copy()
     theta[cause.index] = 0.0
-    return theta
+    at = begin.linearise_at(fit.theta, fit.shapes, NO_DERIVATIVES)
+    near = _likelier(begin.in_noise_of(at), (), theta, TURNS)
+    return min(near[0], _settled(begin, (), theta)[0])
 
 
 def _sizes(cause: CandidateCause, z: float) -> tuple[float, ...]:
@@ -143,6 +150,32 @@ def _settled(
     the objective ``begin``."""
     gains = [c.index for c in causes]
     objective, fit = settle(begin, theta, gains, settings(tuple(causes)), turns)
+    settled = _costed(objective, fit)
+    near = objective.in_noise_of(fit)
+    return min(settled, _likelier(near, causes, fit.theta, turns), key=lambda each: each[0])
+
+
+def _likelier(
+    objective: Objective, causes: Sequence[CandidateCause], theta: Floats, turns: int
+) -> Settled:
+    """Numbers from ``theta`` (m) on and noise that they leave, in turns, as long as both together
+    become likelier.  What :func:`settle` ends with is not the likeliest: its noise is what would be
+    left if candidates had taken their shares, too."""
+    free, shapes = free_of(objective.problem, causes), settings(tuple(causes))
+    best, objective = None, replace(objective, span=None)
+    for _ in range(turns):
+        fit = objective.linearise_at(theta, shapes, free)
+        made = _costed(objective, improve(objective, fit, free, derivatives=False))
+        if best is not None and made[0] > best[0] - SLIGHT:
+            return min(best, made, key=lambda each: each[0])
+        best, theta = made, made[2].theta
+        objective = objective.in_noise_of(made[2])
+    assert best is not None
+    return best
+
+
+def _costed(objective: Objective, fit: Linearisation) -> Settled:
+    """A fit with its cost, in noise as it leaves it."""
     cost = _cost(objective, [innovations.r for innovations in fit.raw], fit.theta)
     return cost, replace(objective, span=None), fit
 
@@ -170,7 +203,8 @@ def _cost(objective: Objective, innovations: Sequence[Floats], theta: Floats) ->
 
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:
     """A search that has found nothing yet, with another noise model, that of a ``fit``."""
-    objective = replace(objective, problem=search.problem).with_discrepancies(fit)
+    objective = replace(objective, problem=search.problem)
+    objective = objective.with_noise_of(objective.linearise_at(fit.theta, fit.shapes))
     at = objective.white_at(fit.theta, fit.shapes)
     null = objective.white_at(search.null.fit.theta)
     objective = spanned(objective, [at, null], search.candidates)

@@ -123,17 +123,29 @@ class Objective:
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
         rest = self._less_scatter(rest)
         noise_model = NoiseModel.fit(self.stretches, rest)
-        weights = [
-            (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
-            for s, e in zip(self.stretches, rest, strict=True)
-        ]
+        weights = self._within_reach(noise_model, rest)
         known = [drive.readings.input_noise for drive in self.problem.drives]
         return self._weighted(noise_model, weights, known).with_discrepancies(lin)
+
+    def in_noise_of(self, lin: Linearisation) -> Objective:
+        """One in noise as the innovations of a linearisation show it, which take all that is left
+        for noise."""
+        rest = [innovations.r for innovations in lin.raw]
+        noise_model = NoiseModel.fit(self.stretches, rest)
+        return self._weighted(noise_model, self._within_reach(noise_model, rest), self.scatter)
 
     def in_white_noise_of(self, lin: Linearisation) -> Objective:
         """One in white noise as loud as the innovations of a linearisation."""
         noise_model = NoiseModel.fit(self.stretches, [each.r for each in lin.raw], longest=0)
         return self._weighted(noise_model, self.weights, self.scatter)
+
+    def _within_reach(self, noise_model: NoiseModel, rest: Sequence[Floats]) -> list[Floats]:
+        """Weights of readings: 0 where what is left (K) of each drive's innovations lies far
+        off."""
+        return [
+            (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
+            for s, e in zip(self.stretches, rest, strict=True)
+        ]
 
     def less_scatter(self, lin: Linearisation) -> list[NormalisedInnovations]:
         """A linearisation's innovations without what the inputs' noise and discrepancies most

@@ -21,6 +21,7 @@ from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null
 BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
+COUNTED = 20  # draws of so many a share is known to a fifth or so
 GROUPS = 1 << 14  # readings of a longer record are drawn in as many groups
 ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
 # In 2 Δ ln L: a rival that fits worse than the best by less is not excluded at 95 %, one-sided.
@@ -204,7 +205,8 @@ def family_wise(least: Floats, p: Floats | float) -> Floats:
     smallest share that is resolved.
     """
     count = np.searchsorted(least, p, side="right")
-    known = max(round(0.01 * len(least)), 1)  # draws below which counting is too coarse
+    # draws below which counting is too coarse; the tail may be flatter than p beyond them
+    known = min(max(round(0.01 * len(least)), 1), COUNTED)
     carried = np.asarray(p) * known / len(least) / max(least[known - 1], 1e-300)
     return np.where(count >= known, count / len(least), np.minimum(carried, 1.0))
 
