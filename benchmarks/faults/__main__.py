@@ -26,7 +26,6 @@ import residuals
 from parallel import ran
 
 import clutchest
-from clutchest.diagnosis.drive_diagnosis import effects_for
 
 PARTS = ("healthy", "hot", "residuals", "injected", "recorded")
 
@@ -79,7 +78,11 @@ def main() -> None:
         results["hot"] = healthy.tally(hot)
         print(json.dumps(results["hot"], indent=1))
     if "residuals" in given.parts:
-        results["residuals"] = at_residual_level(given.vehicle, folder, given.hours, given.trials)
+        machine = clutchest.load_vehicle(given.vehicle).machine
+        records = residuals.loaded(folder)
+        results["residuals"] = residuals.at_residual_level(
+            machine, records, given.hours, given.trials
+        )
         pictures.delays(results["residuals"], given.out / "delays.png")
     if "injected" in given.parts:
         drives = given.out / "injected"
@@ -94,34 +97,6 @@ def main() -> None:
     if "recorded" in given.parts and given.logs is not None:
         results["recorded"] = recorded.table(given.logs, given.onsets)
     path.write_text(json.dumps(results, indent=1))
-
-
-def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> dict[str, Any]:
-    """Rates and delays of every fault by simulation; prints a line per fault and size."""
-    truck = clutchest.load_vehicle(vehicle)
-    records = residuals.loaded(folder)
-    units = {(e.name, n.key): n.upper for e in effects_for(truck.machine) for n in e.gains}
-    results: dict[str, Any] = {}
-    for k, fault in enumerate(truck.machine.faults):
-        unit = units[fault.effect.name, fault.key]
-        of = residuals.rates(records, fault, k, unit, hours, seed=100 + k)
-        of |= {"unit": fault.gain.unit, "measured": residuals.measured(records, k)}
-        of["delays"] = residuals.delays(records, fault, k, unit, of, trials, seed=200 + k)
-        results[fault.name] = of
-        for test in ("glr", "cusum"):
-            print(
-                f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
-                f"{of[test]['expected']:.1f} expected",
-                flush=True,
-            )
-        for row in of["delays"]:
-            print(
-                f"  {row['size']:.3g}: oracle {60 * row['oracle_h']:.1f} min, "
-                f"CUSUM ×{row['cusum_over_oracle']:.2f}, GLR ×{row['glr_over_oracle']:.2f}, "
-                f"plain ×{row['plain_h'] / row['oracle_h']:.2f}",
-                flush=True,
-            )
-    return results
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share is a file beside
 
+import residuals
 from differential_runs import DURATION, SCENARIOS, vehicle_of
 
 import clutchest
@@ -140,22 +142,8 @@ def share(k: int, n: int) -> str:
     return f"{k} of {n} [{100 * limits.low:.0f}, {100 * limits.high:.0f}] %"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--healthy", type=int, default=40)
-    parser.add_argument("--injected", type=int, default=12, help="runs per fault")
-    parser.add_argument("--first", type=int, default=40000, help="first seed")
-    parser.add_argument("--out", type=Path, default=Path("faults-alsd"))
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    runs, records = [], []
-    for k in range(max(given.healthy, given.injected)):
-        seed = given.first + k
-        if k < given.healthy:
-            runs.append(kept(given.out / f"healthy-{seed}.json", lambda s=seed: healthy(s)))
-        for fault in CASES if k < given.injected else ():
-            path = given.out / f"{fault}-{seed}.json"
-            records.append(kept(path, lambda f=fault, s=seed: injected(f, s)))
+def tabulated(runs: Sequence[dict[str, Any]], records: Sequence[dict[str, Any]]) -> None:
+    """Print what healthy ``runs`` and ``records`` of faults show."""
     failed = Counter(name for run in runs for name in run["failed"])
     print(f"{len(runs)} healthy runs, {len(runs) * DURATION / 3600:.1f} h: {dict(failed)} failed, ")
     print(f"misfit in {sum(run['misfit'] for run in runs)}")
@@ -171,12 +159,48 @@ def main() -> None:
             f"{len(own)}; d' >= 4: {len(both)} of {len(apart)}",
             flush=True,
         )
+    if not records:
+        return
     apart = [r for r in records if r["d_prime_nearest"] >= 4.0]
     print("detected", share(sum(bool(r["set"]) for r in records), len(records)))
     print("isolated at d' >= 4", share(sum(r["set"] == [r["fault"]] for r in apart), len(apart)))
     print(
         "true fault in the set", share(sum(r["fault"] in r["set"] for r in records), len(records))
     )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--healthy", type=int, default=40)
+    parser.add_argument("--injected", type=int, default=12, help="runs per fault")
+    parser.add_argument("--first", type=int, default=40000, help="first seed")
+    parser.add_argument("--out", type=Path, default=Path("faults-alsd"))
+    parser.add_argument(
+        "--hours",
+        type=float,
+        default=0.0,
+        help="simulated at residual level, with what healthy runs inform",
+    )
+    parser.add_argument("--trials", type=int, default=100, help="faults simulated per size")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    runs, records = [], []
+    for k in range(max(given.healthy, given.injected)):
+        seed = given.first + k
+        if k < given.healthy:
+            runs.append(kept(given.out / f"healthy-{seed}.json", lambda s=seed: healthy(s)))
+        for fault in CASES if k < given.injected else ():
+            path = given.out / f"{fault}-{seed}.json"
+            records.append(kept(path, lambda f=fault, s=seed: injected(f, s)))
+    tabulated(runs, records)
+    if given.hours:
+        healthy_runs = [
+            residuals.Record(DURATION / 3600.0, np.array(run["z"]), np.array(run["information"]))
+            for run in runs
+        ]
+        machine = load_vehicle("alsd_rig").machine
+        found = residuals.at_residual_level(machine, healthy_runs, given.hours, given.trials)
+        (given.out / "residuals.json").write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from clutchest.diagnosis.drive_diagnosis import effects_for
 from clutchest.diagnosis.fault_tests import LEAST
 from clutchest.diagnosis.sequential import peaks
 from clutchest.diagnosis.thresholds import (
@@ -25,6 +26,7 @@ from clutchest.diagnosis.thresholds import (
     threshold,
 )
 from clutchest.models.fault import ModelFault
+from clutchest.models.machine import Machine
 
 HOURS_PER_DRIVE = 0.5
 CONSECUTIVE = 3  # of the fixed threshold
@@ -35,26 +37,35 @@ PER_1000H = 1.0
 Path_ = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def loaded(folder: Path) -> list[dict[str, np.ndarray]]:
+@dataclass(frozen=True)
+class Record:
+    """Residuals of a whole drive of so many ``hours``, and the ``information`` about every fault,
+    of each block (blocks, faults)."""
+
+    hours: float
+    z: np.ndarray
+    information: np.ndarray
+
+
+def loaded(folder: Path) -> list[Record]:
     """The records of whole drives."""
-    return [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
+    every = (np.load(path) for path in sorted(folder.glob("*.npz")))
+    return [Record(HOURS_PER_DRIVE, of["z"], of["information"]) for of in every]
 
 
-def joined(
-    records: Sequence[dict[str, np.ndarray]], k: int, blocks: int, rng: np.random.Generator
-) -> np.ndarray:
+def joined(records: Sequence[Record], k: int, blocks: int, rng: np.random.Generator) -> np.ndarray:
     """Information about fault ``k`` in so many blocks of whole drives in random order."""
     pieces, count = [], 0
     while count < blocks:
-        piece = records[rng.integers(len(records))]["information"][:, k].astype(float)
+        piece = records[rng.integers(len(records))].information[:, k].astype(float)
         pieces.append(piece)
         count += len(piece)
     return np.concatenate(pieces)[:blocks]
 
 
-def measured(records: Sequence[dict[str, np.ndarray]], k: int) -> dict[str, float]:
+def measured(records: Sequence[Record], k: int) -> dict[str, float]:
     """Level, autocorrelation and tails of the residuals of whole simulated drives."""
-    z = [r["z"][:, k][r["information"][:, k] > 0].astype(float) for r in records]
+    z = [r.z[:, k][r.information[:, k] > 0].astype(float) for r in records]
     every = np.concatenate(z)
     products = np.concatenate([x[1:] * x[:-1] for x in z])
     return {
@@ -78,12 +89,10 @@ class TestSetup:
     one_sided: bool
 
     @classmethod
-    def of(
-        cls, records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float
-    ) -> TestSetup:
+    def of(cls, records: Sequence[Record], fault: ModelFault, k: int, unit: float) -> TestSetup:
         """For the ``k``-th fault in the records of whole drives."""
-        per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
-        information = np.concatenate([r["information"][:, k] for r in records]).astype(float)
+        per_hour = sum(len(r.z) for r in records) / sum(r.hours for r in records)
+        information = np.concatenate([r.information[:, k] for r in records]).astype(float)
         return cls(
             per_hour,
             PER_1000H / 1000.0 / per_hour,
@@ -99,7 +108,7 @@ class TestSetup:
 
 
 def rates(
-    records: Sequence[dict[str, np.ndarray]],
+    records: Sequence[Record],
     fault: ModelFault,
     k: int,
     unit: float,
@@ -144,7 +153,7 @@ def _plain_threshold(information: np.ndarray, rng: np.random.Generator, per_bloc
 
 
 def delays(
-    records: Sequence[dict[str, np.ndarray]],
+    records: Sequence[Record],
     fault: ModelFault,
     k: int,
     unit: float,
@@ -210,3 +219,31 @@ def debounced(z, threshold, count, path):  # type: ignore[no-untyped-def]
     for k in range(len(z)):
         consecutive = consecutive + 1 if abs(z[k]) > threshold else 0
         path[k] = consecutive / count
+
+
+def at_residual_level(
+    machine: Machine, records: Sequence[Record], hours: float, trials: int
+) -> dict[str, Any]:
+    """Rates and delays of every fault by simulation; prints a line per fault and size."""
+    units = {(e.name, n.key): n.upper for e in effects_for(machine) for n in e.gains}
+    results: dict[str, Any] = {}
+    for k, fault in enumerate(machine.faults):
+        unit = units[fault.effect.name, fault.key]
+        of = rates(records, fault, k, unit, hours, seed=100 + k)
+        of |= {"unit": fault.gain.unit, "measured": measured(records, k)}
+        of["delays"] = delays(records, fault, k, unit, of, trials, seed=200 + k)
+        results[fault.name] = of
+        for test in ("glr", "cusum"):
+            print(
+                f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
+                f"{of[test]['expected']:.1f} expected",
+                flush=True,
+            )
+        for row in of["delays"]:
+            print(
+                f"  {row['size']:.3g}: oracle {3600 * row['oracle_h']:.0f} s, "
+                f"CUSUM ×{row['cusum_over_oracle']:.2f}, GLR ×{row['glr_over_oracle']:.2f}, "
+                f"plain ×{row['plain_h'] / row['oracle_h']:.2f}",
+                flush=True,
+            )
+    return results
