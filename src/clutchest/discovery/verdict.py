@@ -135,7 +135,7 @@ def _verdict(
     for h in tied:
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
     if unnamed and search.problem.discrepancies:
-        errors = _located(search) or errors
+        errors = _beside_less_discrepancies(search) or errors
     several: list[list[Curve]] = []
     if unnamed:
         place = located(search, errors)
@@ -250,7 +250,7 @@ def _significant(errors: Sequence[Curve]) -> bool:
     return bool(errors) and errors[0].p_value < UNNAMED
 
 
-def _located(search: Search) -> list[Curve]:
+def _beside_less_discrepancies(search: Search) -> list[Curve]:
     """Errors beside the model without a cause, each beside as much of the discrepancies as is
     likeliest with it: beside all that the data show without it, an error that is there passes for
     wander in part, and what is sudden in the rest for its driver."""
