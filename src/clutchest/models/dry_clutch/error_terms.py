@@ -51,6 +51,8 @@ _ENGINES_BALANCE = (
     "temp_disc_peak",
     "temp_body_peak",
 )
+# Not the slip's power, of which the torque itself is a part.
+_ADDED = (*_ENGINES_BALANCE, "slip_rate")
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
@@ -63,6 +65,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque, added": ErrorTerm(
         "torque",
         {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)},
+        covariates=_ADDED,
         size=30.0,
         unit="Nm",
     ),
