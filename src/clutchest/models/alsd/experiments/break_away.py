@@ -16,12 +16,13 @@ from clutchest.models.experiments import BenchRecord, ExperimentCurve, Parameter
 from clutchest.signals import Floats
 
 LONGEST, SHORTEST = 2.5, 0.4  # s that a rise lasts
-BENT = 1.5  # times T_S/σ_0: bends further are no longer slow
+SLOW = 0.8  # of a rise, from its begin until the motor slides: bends further are no longer slow
 GRID, SMOOTHED = 0.02, 0.04  # s
 CREEPS = 2.0  # rad/s: slower, the motor counts as at rest
 UNEVEN = 1.3  # times the noise that a straight rise of the current may miss
 STARTS = 0.35  # of the current at break-away, from which the rise is followed at most
 ROUNDS = 3  # in which a rate of bending and what it takes of the torque agree
+FEWEST = 20  # readings of a rise
 NEAR = 0.95  # of T_S; beyond it the curve goes on straight
 
 
@@ -105,7 +106,7 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
     """The rise of the current before ``sliding`` s, at rest ``since`` then; None where it does not
     rise evenly."""
     angle, current = record.signals["motor_angle"], record.signals["armature_current"]
-    p, noise = record.parameters, record.std_of_mean
+    noise = record.std_of_mean
     edges = np.arange(since, sliding, SMOOTHED)
     amps, _ = window_means(current, edges)
     if len(amps) < 4 or not np.isfinite(amps).all():
@@ -114,15 +115,14 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
     if not zero.any():
         return None
     begin = edges[int(np.flatnonzero(zero)[-1])] + SMOOTHED
-    of_angle = slice(*np.searchsorted(angle.time, (begin, sliding)))
-    at_rest = np.median(angle.value[of_angle][:10]) if of_angle.stop > of_angle.start else 0.0
-    bent = np.abs(angle.value[of_angle] - at_rest)
-    most = BENT * p["motor_static_torque"] / p["motor_bristle_stiffness"]
-    late = np.flatnonzero(bent > most + 3 * record.noise["motor_angle"])
-    end = angle.time[of_angle][late[0]] if len(late) else sliding
+    # an end that the angle itself decided would leave out readings by their noise
+    end = begin + SLOW * (sliding - begin)
     of_angle, of_current = (slice(*np.searchsorted(s.time, (begin, end))) for s in (angle, current))
+    if of_angle.stop - of_angle.start < FEWEST:
+        return None
+    at_rest = np.median(angle.value[of_angle][:10])
     time, value = current.time[of_current], current.value[of_current]
-    if len(time) < 20 or time[-1] - time[0] < SHORTEST:
+    if len(time) < FEWEST or time[-1] - time[0] < SHORTEST:
         return None
     (slope, level), left, *_ = np.polyfit(time - time[-1], value, 1, full=True)
     uneven = np.sqrt(left[0] / len(time)) > UNEVEN * record.noise["armature_current"]
