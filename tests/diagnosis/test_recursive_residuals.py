@@ -1,5 +1,7 @@
 """Residuals block by block against the same problem solved whole, by dense matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_drive import FAULTS, STATES, THETAS, linear_drive
@@ -34,6 +36,18 @@ def test_scores_since_the_onset_are_those_of_all_readings(onset):
     weighted = np.linalg.solve(covariance, trace)
     assert result.information[-1] == pytest.approx(trace.T @ weighted, rel=1e-7, abs=1e-7)
     assert result.score[-1] == pytest.approx(-weighted.T @ rows[:, 0], rel=1e-7, abs=1e-7)
+
+
+def test_a_block_that_tells_next_to_nothing_of_a_fault_tells_nothing():
+    """What is left of a derivative there is noise of the inputs."""
+    blocks = linear_drive(3)[0]
+    gram = blocks.gram.copy()
+    gram[5, 1 + FAULTS[0], :] *= 0.01
+    gram[5, :, 1 + FAULTS[0]] *= 0.01
+    result = recursive_residuals(replace(blocks, gram=gram), FAULTS)
+    assert result.z[5, 0] == result.information[5, 0] == 0.0
+    assert np.all(result.information[np.arange(12) != 5, 0] > 0.0)
+    assert np.all(result.information[:, 1] > 0.0)
 
 
 def test_healthy_residuals_are_white_and_of_variance_one():

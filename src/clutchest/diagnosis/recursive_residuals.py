@@ -24,6 +24,10 @@ from clutchest.inference.unknowns import InitialState, StatedGain, Unknown, Unkn
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
+# Of the most that a block of the drive tells of a fault: less is noise of the inputs, of which
+# derivatives hold some.  The innovations hold it too, so that it does not look like noise.
+FAINT = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class PredictedState:
@@ -38,7 +42,7 @@ class RecursiveResiduals:
     """Residuals of F faults over B blocks.
 
     ``z`` (B, F) standardised; ``information`` (B, F) about one unit of a fault that begins with the
-    block; ``chi_square`` (B) of the whole block with ``count`` (B) degrees of freedom; ``before``
+    block, 0 where it is faint; ``chi_square`` (B) of the whole block with ``count`` (B) degrees of freedom; ``before``
     (B) the nuisances predicted for each block.
     """
 
@@ -107,6 +111,8 @@ def recursive_residuals(blocks: Blocks, faults: Sequence[int]) -> RecursiveResid
         squares = g[0, 0] + 2.0 * mean @ g[n, 0] + mean @ A @ mean
         chi_square[k] = squares - e_n @ after @ e_n
         mean, P = mean - after @ e_n, after
+    faint = information < FAINT * information.max(axis=0, initial=0.0)
+    z[faint] = information[faint] = 0.0
     return RecursiveResiduals(z, information, chi_square, blocks.count, tuple(before))
 
 
