@@ -42,8 +42,8 @@ class RecursiveResiduals:
     """Residuals of F faults over B blocks.
 
     ``z`` (B, F) standardised; ``information`` (B, F) about one unit of a fault that begins with the
-    block, 0 where it is faint; ``chi_square`` (B) of the whole block with ``count`` (B) degrees of freedom; ``before``
-    (B) the nuisances predicted for each block.
+    block, 0 where it is faint; ``chi_square`` (B) of the whole block with ``count`` (B) degrees of
+    freedom; ``before`` (B) the nuisances predicted for each block.
     """
 
     z: Floats
