@@ -107,3 +107,18 @@ def test_without_the_other_side_there_is_no_torque(file, tmp_path):
     signals = clutchest.read_log(log, file)
     assert "shaft_torque" not in signals.available
     assert any("no valid Right_Forces.ForceRight" in words for words in signals.warnings)
+
+
+def test_a_side_that_falls_silent_is_no_torque_soon_after(file, tmp_path):
+    dbc = file.parent / "forces.dbc"
+    message = "BO_ 451 Right_Forces: 8 Chassis\n SG_ ForceRight"
+    dbc.write_text(FORCES.replace(" SG_ ForceRight", message))
+    file.write_text(file.read_text().replace("less = {", 'less = { message = "Right_Forces",'))
+    log = tmp_path / "drive.log"
+    write_simulation(log, load_vehicle(file), "car", 3, duration=5.0)
+    lines = log.read_text().splitlines()
+    kept = [line for k, line in enumerate(lines) if " 1C3#" not in line or k < len(lines) / 2]
+    log.write_text("\n".join(kept) + "\n")
+    torque = clutchest.read_log(log, file)["shaft_torque"]
+    assert torque.valid[torque.time < 2.5].all()
+    assert not torque.valid[torque.time > 3.1].any()

@@ -29,6 +29,9 @@ from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
+LATELY = 0.5  # s, for which a reading of the other side stands for the present one
+NOT_KNOWN = np.uint8(Why.NOT_AVAILABLE)
+
 
 class NoMappedFrame(ClutchestError):
     """A log, or a part of one, without a frame of any mapped message."""
@@ -352,17 +355,19 @@ class Decoding:
         return time
 
     def _difference(self, signal: SignalMap, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
-        """What is left of a signal less the other one, which must be known."""
+        """What is left of a signal less the other one; not known where that was not read lately."""
         assert signal.less is not None
         other = self._samples(signal, signal.less)
         if not other.any_valid():
             self.warnings.append(
                 f"{signal.name} is not known: no valid {signal.less.message}.{signal.less.signal}"
             )
-            unknown = np.uint8(Why.NOT_AVAILABLE)
-            return samples.value, np.where(samples.why == VALID, unknown, samples.why)
+            return samples.value, np.where(samples.why == VALID, NOT_KNOWN, samples.why)
         held = units.convert(other.at(samples.rows), signal.less.unit, signal.bus.unit)
-        return samples.value - held, samples.why
+        t = self.frames.t_ns
+        age = (t[samples.rows] - t[other.latest_row(samples.rows)]) / 1e9
+        late = (samples.why == VALID) & (np.abs(age) > LATELY)
+        return samples.value - held, np.where(late, NOT_KNOWN, samples.why)
 
     def _gear_is_sent(self, signal: SignalMap) -> bool:
         return signal.gear is not None and self._samples(signal, signal.gear).any_valid()
