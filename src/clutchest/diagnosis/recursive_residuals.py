@@ -41,9 +41,9 @@ class PredictedState:
 class RecursiveResiduals:
     """Residuals of F faults over B blocks.
 
-    ``z`` (B, F) standardised; ``information`` (B, F) about one unit of a fault that begins with the
-    block, 0 where it is faint; ``chi_square`` (B) of the whole block with ``count`` (B) degrees of
-    freedom; ``before`` (B) the nuisances predicted for each block.
+    ``z`` (B, F) standardised, 0 where the information is faint; ``information`` (B, F) about one
+    unit of a fault that begins with the block; ``chi_square`` (B) of the whole block with ``count``
+    (B) degrees of freedom; ``before`` (B) the nuisances predicted for each block.
     """
 
     z: Floats
@@ -111,8 +111,7 @@ def recursive_residuals(blocks: Blocks, faults: Sequence[int]) -> RecursiveResid
         squares = g[0, 0] + 2.0 * mean @ g[n, 0] + mean @ A @ mean
         chi_square[k] = squares - e_n @ after @ e_n
         mean, P = mean - after @ e_n, after
-    faint = information < FAINT * information.max(axis=0, initial=0.0)
-    z[faint] = information[faint] = 0.0
+    z[information < FAINT * information.max(axis=0, initial=0.0)] = 0.0
     return RecursiveResiduals(z, information, chi_square, blocks.count, tuple(before))
 
 
