@@ -37,7 +37,6 @@ from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Floats, Signal, Signals, Truth
 from clutchest.simulation_options import Effects, Options, checked_effects, checked_options
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
-from clutchest.vehicle.vehicle import FORCE, SPEED
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
@@ -326,9 +325,7 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
         shown = value / signal.gears[0] if signal.gears else value
         unit = units_of[name]
         if signal.radius is not None:
-            force = unit == "Nm"
-            shown = shown / signal.radius if force else shown * signal.radius
-            unit = FORCE if force else SPEED
+            shown, unit = signal.before_radius(shown), signal.bus.unit
         if signal.less:  # as much of it on either side
             put(signal.less, units.convert(-shown / 2, unit, signal.less.unit))
             shown = shown / 2

@@ -20,9 +20,11 @@ FAULTS = {
 }
 
 
-def _tested(seed: int, effects: dict, onset: float = 0.0) -> FaultTestResults:
+def _tested(
+    seed: int, effects: dict, onset: float = 0.0, scenario: str = "rig-steps"
+) -> FaultTestResults:
     rig = clutchest.load_vehicle("alsd_rig")
-    signals = clutchest.simulate(rig, "rig-steps", seed, effects, duration=DURATION, onset=onset)
+    signals = clutchest.simulate(rig, scenario, seed, effects, duration=DURATION, onset=onset)
     blocks = blocks_of(signals, rig, effects_for(rig.machine))
     return run_fault_tests(blocks, rig.machine, rig.false_alarms_per_1000h, DURATION / 3600.0)
 
@@ -37,10 +39,7 @@ def test_a_healthy_specimen_unlike_the_file_passes():
 @pytest.mark.slow
 def test_a_clutch_at_rest_shows_no_fault():
     """Noise of the voltage passed for a drop of the supply while no current flows (development)."""
-    rig = clutchest.load_vehicle("alsd_rig")
-    signals = clutchest.simulate(rig, "coast", 62033, duration=DURATION)
-    blocks = blocks_of(signals, rig, effects_for(rig.machine))
-    results = run_fault_tests(blocks, rig.machine, rig.false_alarms_per_1000h, DURATION / 3600.0)
+    results = _tested(62033, {}, scenario="coast")
     assert {r.status for r in results.faults} <= {"passed", "not run"}
 
 

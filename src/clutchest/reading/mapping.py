@@ -364,9 +364,8 @@ class Decoding:
             )
             return samples.value, np.where(samples.why == VALID, NOT_KNOWN, samples.why)
         held = units.convert(other.at(samples.rows), signal.less.unit, signal.bus.unit)
-        t = self.frames.t_ns
-        age = (t[samples.rows] - t[other.latest_row(samples.rows)]) / 1e9
-        late = (samples.why == VALID) & (np.abs(age) > LATELY)
+        read = replace(other, value=self._time(other.rows)).at(samples.rows)
+        late = (samples.why == VALID) & (np.abs(self._time(samples.rows) - read) > LATELY)
         return samples.value - held, np.where(late, NOT_KNOWN, samples.why)
 
     def _gear_is_sent(self, signal: SignalMap) -> bool:

@@ -36,11 +36,6 @@ class Samples:
             held[part] = value[np.maximum(latest, 0)]
         return held
 
-    def latest_row(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """The row of the last valid sample at each of ``rows``; before the first one, the first."""
-        known = self.rows[self.why == VALID]
-        return np.asarray(known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)])
-
     def any_valid(self) -> bool:
         """Whether any sample is valid."""
         return bool(np.any(self.why == VALID))

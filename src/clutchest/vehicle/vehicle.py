@@ -117,6 +117,13 @@ class SignalMap:
             return units.convert(value, self.bus.unit, FORCE) * self.radius
         return units.convert(value, self.bus.unit, SPEED) / self.radius
 
+    def before_radius(self, value: Floats) -> Floats:
+        """What the bus reads of such a speed or torque (n), in its unit."""
+        assert self.radius is not None
+        if units.compatible(self.bus.unit, FORCE):
+            return units.convert(value / self.radius, FORCE, self.bus.unit)
+        return units.convert(value * self.radius, SPEED, self.bus.unit)
+
     @property
     def noise_guessed(self) -> bool:
         """Whether the noise is a guess, by its source."""
