@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +48,7 @@ class LiveRecording:
         self._mode: str | None = None
         self._viewer: Viewer | None = None
         self._styled: set[str] = set()
+        self._failed = False  # what the thread that writes is asked for then is never answered
         self._path, self.address = path, ""
         self._stream = rr.RecordingStream("clutchest", send_properties=False)
         sinks: list[Any] = []
@@ -139,14 +139,16 @@ class LiveRecording:
         try:
             self._stream.flush(timeout_sec=FLUSH_S)
         except RuntimeError as problem:  # the thread that writes ended, as it does on a full disk
+            self._failed = True
             raise ClutchestError(f"{self._path}: cannot be written any more: {problem}") from None
 
     def close(self) -> None:
-        """Write the rest; the server and its viewer end."""
+        """Write the rest, unless writing failed before; the server and its viewer end."""
         try:
-            self.write()
+            if not self._failed:
+                self.write()
         finally:
-            with suppress(RuntimeError):
+            if not self._failed:
                 self._stream.disconnect()
             if self._viewer is not None:
                 self._viewer.close()
