@@ -44,21 +44,33 @@ Draw = Callable[[int], Signals]  # the record of a seed
 
 def innovations(error: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (ORDER) of an autoregression of residuals, less their mean, and what it leaves
-    (k'), where the readings and those before them are ``known`` (k)."""
+    (k'), less its mean, which the colour would make seventy times as large; where the readings and
+    those before them are ``known`` (k)."""
     error = error - error[known].mean()
     window = np.lib.stride_tricks.sliding_window_view(error, ORDER + 1)
     window = window[np.lib.stride_tricks.sliding_window_view(known, ORDER + 1).all(axis=1)]
     past, now = window[:, :-1][:, ::-1], window[:, -1]
     taps = np.linalg.lstsq(past, now, rcond=None)[0]
-    return taps, now - past @ taps
+    rest = now - past @ taps
+    return taps, rest - rest.mean()
 
 
 def drawn(rng: np.random.Generator, taps: np.ndarray, rest: np.ndarray, count: int) -> np.ndarray:
-    """So many residuals: innovations in blocks that begin anywhere, on a circle, coloured again.
-    Blocks of the residuals themselves would jump where they meet."""
-    begins = rng.integers(len(rest), size=(count + SETTLED) // BLOCK + 1)
-    rows = (begins[:, None] + np.arange(BLOCK)).ravel() % len(rest)
-    return lfilter([1.0], [1.0, *-taps], rest[rows])[SETTLED : SETTLED + count]
+    """So many residuals: blocks of innovations, of a circle that begins anywhere, in another order
+    and each of either sign, coloured again; none comes twice before all have come once, since noise
+    that repeats itself has lines.  Blocks of the residuals themselves would jump where they
+    meet."""
+    made = np.zeros(0)
+    while len(made) < count + SETTLED:
+        circle = np.roll(rest, rng.integers(len(rest)))
+        blocks = np.split(circle, np.arange(BLOCK, len(rest), BLOCK))
+        made = np.append(
+            made,
+            np.concatenate(
+                [rng.choice((-1.0, 1.0)) * blocks[i] for i in rng.permutation(len(blocks))]
+            ),
+        )
+    return lfilter([1.0], [1.0, *-taps], made)[SETTLED : SETTLED + count]
 
 
 def unlimited(reading: np.ndarray) -> np.ndarray:

@@ -58,6 +58,7 @@ from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_con
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
+from clutchest.inference.sensor_ends import settled_off_ends
 from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
@@ -365,7 +366,8 @@ def _other(task: _Task) -> HeldOut | None:
     if not task.held_out:
         return None
     first, *later = task.held_out
-    return cache(lambda: task.problem(replace(first, later=tuple(later))))
+    drives = replace(first, later=tuple(later))
+    return cache(lambda: settled_off_ends(task.problem(drives))[0].problem)
 
 
 def _experiment(task: _Task, verdict: SearchVerdict, outcome: _Outcome) -> Experiment | None:

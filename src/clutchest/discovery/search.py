@@ -22,6 +22,7 @@ from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest
+from clutchest.inference.sensor_ends import settled_off_ends
 from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.progress import Progress
@@ -187,7 +188,8 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     """The model without a cause, fitted to its priors, and the score of every candidate."""
     if progress:
         progress("fitting the model without a cause", None)
-    objective, fit = settle(Objective.of(problem), problem.begin)
+    objective, fit = settled_off_ends(problem)
+    problem = objective.problem
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.inference.map_fit import FINE, improve, settle
+from clutchest.inference.map_fit import FINE, improve
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.inference.sensor_ends import settled_off_ends
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.inference.white_linearisation import Linearisation
@@ -96,7 +97,8 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
     if progress:
         progress("fitting", None)
     free = problem.nuisances
-    objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
+    objective, fit = settled_off_ends(problem)
+    problem = objective.problem
     fit = improve(objective, fit, free, FINE)
     fit = objective.relinearise(fit, fit.theta)
     psi = objective.in_span(fit.psi[:, free])

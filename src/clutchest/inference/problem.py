@@ -158,7 +158,11 @@ class Problem:
     def only(self, sensor: str) -> Problem:
         """The same of which the readings of one sensor alone count."""
         which = self.compiled.model.sensor(sensor)
-        drives = tuple(drive.only(drive.readings.sensor == which) for drive in self.drives)
+        return self.counting([drive.readings.sensor == which for drive in self.drives])
+
+    def counting(self, rows: Sequence[NDArray[np.bool_]]) -> Problem:
+        """The same of which these ``rows`` of each drive's readings (K) alone count."""
+        drives = tuple(drive.only(keep) for drive, keep in zip(self.drives, rows, strict=True))
         return replace(self, drives=drives)
 
     def until(self, share: float) -> Problem:
