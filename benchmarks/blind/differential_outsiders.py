@@ -74,7 +74,7 @@ class TwoZones(Outsider):
 class Cogging(Outsider):
     """The armature's slots: a torque that goes with its angle, seven times a turn."""
 
-    name, equations, drivers = "cogging", ("motor",), ("motor_angle",)
+    name, equations, drivers = "cogging", ("motor",), ("motor_angle", "motor_angle_in_turn")
     scenarios, unit, largest = ("rig-ramps", "rig-slow"), "Nm", 0.03
 
     def law(self) -> Law:

@@ -64,6 +64,7 @@ OPERATIONS: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
     "sine": lambda a, b: ca.sin(a),
     "cosine": lambda a, b: ca.cos(a),
     "hyperbolic tangent": lambda a, b: ca.tanh(a),
+    "next lower whole number": lambda a, b: ca.floor(3.0 * a),
     "absolute": lambda a, b: ca.fabs(a),
     "sign": lambda a, b: ca.sign(a),
     "less": lambda a, b: a < b,

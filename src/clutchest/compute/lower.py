@@ -33,6 +33,7 @@ _CALLS = {
     ca.OP_SIN: "sin({0})",
     ca.OP_COS: "cos({0})",
     ca.OP_TANH: "tanh({0})",
+    ca.OP_FLOOR: "np.floor({0})",
     ca.OP_INV: "1.0 / {0}",
     ca.OP_FABS: "abs({0})",
     ca.OP_LT: "less({0}, {1})",

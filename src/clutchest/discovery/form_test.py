@@ -246,9 +246,10 @@ def _functions(at: CurvesAt, term: Standin | None, known: Sequence[str]) -> list
     if term is None:
         return []
     acts, found = _acts(at.problem), list[str]()
+    machine = at.problem.compiled.machine
     for name in known:
         values = [v[name] for v in at.values]
-        bends = knots(name, np.concatenate(values), np.concatenate(acts))
+        bends = knots(machine, name, np.concatenate(values), np.concatenate(acts))
         share = term.over(values, acts, bends[0]) if bends else None
         if share is not None and np.ptp(share) > CONSTANT * np.abs(share).max():
             found.append(name)
@@ -260,7 +261,8 @@ def _over(at: CurvesAt, cause: CandidateCause, term: Standin | None, name: str) 
     none where the covariate does not vary, or the cause does nothing."""
     problem, size = at.problem, float(at.fit.theta[cause.index])
     values, acts = [v[name] for v in at.values], _acts(problem)
-    found = knots(name, np.concatenate(values), np.concatenate(acts))
+    machine = problem.compiled.machine
+    found = knots(machine, name, np.concatenate(values), np.concatenate(acts))
     if not found or size == 0.0:
         return []
     equation = cause.effect.equation

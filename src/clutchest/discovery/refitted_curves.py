@@ -20,7 +20,7 @@ from clutchest.compute.records import Varying
 from clutchest.discovery.curve_evidence import covariance, freedom, principal_deviations
 from clutchest.discovery.residual_curves import NEGLIGIBLE, Curve, CurvesAt, places
 from clutchest.discovery.search import Search
-from clutchest.inference.covariates import TIME_KNOTS, hats
+from clutchest.inference.covariates import FINE_KNOTS, hats
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve
@@ -198,7 +198,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     fitted in full before all others, and others beside the first are sought where that is."""
     theta, shapes = search.null.fit.theta, search.null.fit.shapes
     # no equation lets an error come and go within seconds for the sake of being fitted
-    some = [curve for curve in errors if len(curve.at) < max(TIME_KNOTS)]
+    some = [c for c in errors if c.covariate != TIME or len(c.at) < max(FINE_KNOTS)]
     if not some or max(curve.worth for curve in some) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
     fits = _Fits.of(search)
@@ -210,7 +210,8 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     also = [c for c in some if c.error_term == leader and _key(c) not in done]
     done |= {_key(c): fits.from_none(c) for c in also[:DRIVERS]}
     leading = sorted(done.values(), key=_evidence, reverse=True)
-    finer = [fits.finer(each) for each in leading[:FINEST] if each.curve.covariate != TIME]
+    coarse = [e for e in leading[:FINEST] if len(e.curve.at) < FINE]
+    finer = [fits.finer(each) for each in coarse if each.curve.covariate != TIME]
     leading = sorted([*leading, *finer], key=_evidence, reverse=True)
     last = leading[-1].curve.evidence
     others = [

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.curve_evidence import covariance, evidence, expected
 from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import (
-    TIME_KNOTS,
+    FINE_KNOTS,
     at_rest,
     covariates,
     hats,
@@ -157,13 +157,18 @@ class CurvesAt:
         """Every curve over every covariate, by every error term."""
         place = places(self.problem)
         # without a signal, some equations are others
-        terms = {k: v for k, v in self.problem.compiled.machine.error_terms.items() if k in place}
+        machine = self.problem.compiled.machine
+        terms = {k: v for k, v in machine.error_terms.items() if k in place}
         acts = np.concatenate([drive.tracked.act for drive in self.problem.drives]).astype(float)
         acts = acts if acts.any() else np.ones(len(acts))
+
+        def everywhere(covariate: str) -> Floats:
+            return np.concatenate([v[covariate] for v in self.values])
+
         return [
             CandidateCurve(term, error_term.equation, place[term], covariate, at)
             for covariate in self.varying()
-            for at in knots(covariate, np.concatenate([v[covariate] for v in self.values]), acts)
+            for at in knots(machine, covariate, everywhere(covariate), acts)
             if not self._regulated(covariate, at)
             for term, error_term in terms.items()
             if _is_tested(error_term, covariate, at)
@@ -362,7 +367,7 @@ def places(problem: Problem) -> dict[str, int]:
 
 def _is_tested(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
     """Whether a curve over ``covariate`` with these knots is tested."""
-    quick = len(at) == max(TIME_KNOTS)
+    quick = len(at) == max(FINE_KNOTS)
     return (not error_term.covariates or covariate in error_term.covariates) and not (
         error_term.slow and quick
     )

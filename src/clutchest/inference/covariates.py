@@ -1,5 +1,5 @@
 """Covariates of errors at every event of a drive: inputs, states and their highest values so far,
-rates, time and energy."""
+rates, places within a turn, time and energy."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from clutchest.inference.denoising import BRIEF, CALM, adaptive_mean, deadband, 
 from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.models.declarations import ENERGY
+from clutchest.models.declarations import ENERGY, TURN
 from clutchest.models.effects.effect import TIME
+from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
-TIME_KNOTS = 8, 36
+FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
@@ -39,6 +40,7 @@ def covariates(
         if of in read
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
+    series |= {name: np.mod(series[of], TURN) for name, of in machine.turns.items()}
     series[ENERGY] = np.cumsum(power * spans)
     series[TIME] = line.t
     return series
@@ -108,17 +110,18 @@ def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
     return resting | {name for name, of in rates.items() if of in resting}
 
 
-def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
-    """Where curves over this covariate may bend: at its quantiles, counted with weights ``where``
-    (K), time also more finely; nowhere for a covariate that does not move there."""
+def knots(machine: Machine, name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
+    """Where curves over this covariate of a machine may bend: at its quantiles, counted with
+    weights ``where`` (K); evenly and also more finely over time and within a turn, where a torque
+    may ripple many times; nowhere for a covariate that does not move there."""
     inside = value[where > 0.0]
     if not len(inside) or not np.isfinite(inside).all():
         return ()
     low, high = np.quantile(inside, [0.002, 0.998])
     if high - low <= CONSTANT * max(abs(low), abs(high), 1e-9):
         return ()
-    if name == TIME:
-        return tuple(np.linspace(low, high, count) for count in TIME_KNOTS)
+    if name == TIME or name in machine.turns:
+        return tuple(np.linspace(low, high, count) for count in FINE_KNOTS)
     inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
     even = np.linspace(low, high, KNOTS)[1:-1]
     bends = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))

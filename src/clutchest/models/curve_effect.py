@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.casadi_later import ca
-from clutchest.models.declarations import ENERGY
+from clutchest.models.declarations import ENERGY, TURN
 from clutchest.models.effects.effect import TIME, Effect, Gains, Indices, Lateness, Number
 from clutchest.models.error_curve import DEVIATION, SIZE, ErrorCurve, effect_of_deviation
 from clutchest.models.error_terms import ErrorTerm
@@ -51,11 +51,12 @@ def covariates_of_curve(
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
     own = [name for name in _OWN_STATES if name != ENERGY or "power" in names]
     # of the changed quantities the first one: a reading's error may depend on the reading itself
-    return (*own, *machine.peaks, *names[: first + 1])
+    return (*own, *machine.peaks, *machine.turns, *names[: first + 1])
 
 
 def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: Machine) -> Effect:
     own, peak_of = f"{name}_{curve.covariate}", machine.peaks.get(curve.covariate)
+    turning = curve.covariate in machine.turns
     brought, covariate, rate = _memory(own, curve.covariate, peak_of, machine)
     deviations = curve.deviations
     keys = tuple(f"{DEVIATION}_{k}" for k in range(1, len(deviations) + 1))
@@ -74,6 +75,7 @@ def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: M
                 def by_curve(value: Any, q: Any) -> Any:
                     # the error of a reading that depends on the reading itself
                     at = value if quantity == covariate else getattr(q, covariate)
+                    at = _within_turn(at) if turning else at
                     error = getattr(g, SIZE) * _interpolated(at, curve.knots, curve.values)
                     for key, deviation in zip(keys, deviations, strict=True):
                         error += getattr(g, key) * _interpolated(at, curve.knots, deviation)
@@ -110,7 +112,11 @@ def _memory(
     if peak_of is not None:
         unit = next(state.unit for state in machine.states if state.name == peak_of)
         return (State(own, unit, "", f"highest {peak_of} so far", 0.0, 0.0, 1.0),), own, None
-    return (), covariate, None
+    return (), machine.turns.get(covariate, covariate), None
+
+
+def _within_turn(angle: Any) -> Any:
+    return angle - TURN * ca.floor(angle / TURN)
 
 
 def _of_delay(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from clutchest.models.model import Model
 
 ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
+TURN = 6.283185307179586  # rad
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,6 +82,10 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
     for name in machine.peaks.values():
         if name not in states:
             yield "peaks", f"has no state '{name}'" + nearest(name, states)
+    angles = [s.name for s in machine.states if s.unit == "rad"]
+    for name in machine.turns.values():
+        if name not in angles:
+            yield "turns", f"has no state '{name}' in rad" + nearest(name, angles)
     for name in machine.rates.values():
         if name not in (*inputs, *machine.covariates):
             known = (*inputs, *machine.covariates)
@@ -192,7 +196,7 @@ def _lacking(machine: Any, error: AttributeError) -> str:
 
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:
     known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
-    known |= {*machine.rates, *machine.peaks, TIME, ENERGY}
+    known |= {*machine.rates, *machine.peaks, *machine.turns, TIME, ENERGY}
     inputs = [item.name for item in machine.inputs]
     for name, term in machine.error_terms.items():
         piece = f"error term '{name}'"

@@ -19,6 +19,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
         **machine.smooth_over,
         **rates,
         **peaks,
+        **dict.fromkeys(machine.turns, "rad"),
     }
     units |= machine.units | states
     return Quantity(name, units.get(name, "1"))

@@ -52,6 +52,7 @@ def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, .
         *machine.smooth_over,
         *machine.rates,
         *machine.peaks,
+        *machine.turns,
         ENERGY,
         TIME,
     }

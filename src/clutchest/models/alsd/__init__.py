@@ -21,6 +21,7 @@ from clutchest.models.alsd.error_terms import (
     RATES,
     SENSOR_FOR,
     SEPARATING_SENSORS,
+    TURNS,
 )
 from clutchest.models.alsd.estimator import ALSD, at_rest, for_signals
 from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
@@ -96,6 +97,7 @@ MACHINE = Machine(
     covariates=COVARIATES,
     rates=RATES,
     peaks=PEAKS,
+    turns=TURNS,
     effects=effects_in("clutchest.models.alsd.effects"),
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,

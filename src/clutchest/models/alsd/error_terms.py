@@ -10,7 +10,15 @@ from clutchest.models.error_terms import ErrorTerm
 # An error correlates with what it is made from.  No bristle is among that: how far one is bent
 # follows from which way the motor turned last, and from noise of the readings that correct it.
 _CURRENT = ("current", "motor_speed", "temp_armature", "oil_temp", "time")
-_MOTOR = ("motor_speed", "motor_angle", "motor_torque", "temp_armature", "oil_temp", "time")
+_MOTOR = (
+    "motor_speed",
+    "motor_angle",
+    "motor_angle_in_turn",
+    "motor_torque",
+    "temp_armature",
+    "oil_temp",
+    "time",
+)
 _AXIAL = (
     "pack_force",
     "motor_angle",
@@ -32,7 +40,7 @@ _TORQUE = (
     "time",
 )
 _DRAG = ("slip_speed", "gap", "pack_force", "oil_temp")
-_ANGLE_SENSOR = ("motor_angle", "temp_armature", "oil_temp", "time")
+_ANGLE_SENSOR = ("motor_angle", "motor_angle_in_turn", "temp_armature", "oil_temp", "time")
 _CURRENT_SENSOR = ("current", "temp_armature", "oil_temp", "time")
 _CLOCK = ("time",)
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
@@ -109,3 +117,4 @@ SENSOR_FOR = {"": "a torque sensor on the half-shaft"}
 COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm", "pack_force": "N", "gap": "m"}
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}
+TURNS = {"motor_angle_in_turn": "motor_angle"}
