@@ -128,7 +128,11 @@ class SharedSupply(Outsider):
 class LongRest(Outsider):
     """Surfaces that have rested hold more: friction is higher after a rest, and slips down."""
 
-    name, equations, drivers = "long_rest", ("torque",), ("time", "energy", "pack_force")
+    name, equations, drivers = (
+        "long_rest",
+        ("torque",),
+        ("time", "pressed_time", "energy", "pack_force"),
+    )
     scenarios, unit, largest = ("rig-steps", "slip-oil-sweep"), "1", 0.4
 
     def law(self) -> Law:

@@ -161,7 +161,8 @@ def test_every_error_term_of_every_machine_takes_a_curve(machine):
     full = machine.equations(machine.units)
     for name, term in machine.error_terms.items():
         covariates = covariates_of_curve(term, machine)
-        memories = [c for c in covariates if c in ("time", "energy", *machine.peaks)]
+        own = ("time", "energy", *machine.peaks, *machine.turns, *machine.durations)
+        memories = [c for c in covariates if c in own]
         for covariate in dict.fromkeys((*memories, covariates[-1])):
             curve = ErrorCurve(name, covariate, (0.0, 1.0, 3.0), (0.1, 0.2, -0.1))
             model = full.with_effects(curve_effects("curve_1", curve, machine))

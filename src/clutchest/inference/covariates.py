@@ -1,5 +1,6 @@
 """Covariates of errors at every event of a drive: inputs, states and their highest values so far,
-rates, places within a turn, time and energy."""
+rates, places within a turn,
+durations, time and energy."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.inference.denoising import BRIEF, CALM, adaptive_mean, deadband, denoised_rate
 from clutchest.inference.noise_model import median_std
@@ -18,6 +20,7 @@ from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
+BEGINNING = 3.0 ** -np.arange(5)  # parts of a duration: more happens at its begin
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
@@ -41,9 +44,15 @@ def covariates(
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
     series |= {name: np.mod(series[of], TURN) for name, of in machine.turns.items()}
+    series |= {n: _duration(line.t, series[of] > 0.0) for n, of in machine.durations.items()}
     series[ENERGY] = np.cumsum(power * spans)
     series[TIME] = line.t
     return series
+
+
+def _duration(t: Floats, lasts: NDArray[np.bool_]) -> Floats:
+    """For how long something ``lasts`` at times ``t`` (K), s; 0 where it does not."""
+    return np.where(lasts, t - np.maximum.accumulate(np.where(lasts, t[0], t)), 0.0)
 
 
 def noise_in_derivatives(
@@ -122,6 +131,8 @@ def knots(machine: Machine, name: str, value: Floats, where: Floats) -> tuple[Fl
         return ()
     if name == TIME or name in machine.turns:
         return tuple(np.linspace(low, high, count) for count in FINE_KNOTS)
+    if name in machine.durations:
+        return (np.concatenate([[0.0], high * BEGINNING[::-1]]),)
     inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
     even = np.linspace(low, high, KNOTS)[1:-1]
     bends = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))

@@ -18,6 +18,7 @@ from clutchest.models.model import Model
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
+FORGOTTEN = 0.02  # s: time constant with which a duration that has ended goes back to 0
 LARGEST = 4.0  # standard deviations by which a curve may be shifted
 # Covariates that are no quantity of the equations: states of the curve's own, and their rates.
 _OWN_STATES: Mapping[str, tuple[str, str, Callable[[Any], Any]]] = {
@@ -49,9 +50,10 @@ def covariates_of_curve(
     model = model or machine.equations(machine.units)
     names = model.expressions().quantities.names()
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
+    durations = [name for name, of in machine.durations.items() if of in names]
     own = [name for name in _OWN_STATES if name != ENERGY or "power" in names]
     # of the changed quantities the first one: a reading's error may depend on the reading itself
-    return (*own, *machine.peaks, *machine.turns, *names[: first + 1])
+    return (*own, *machine.peaks, *machine.turns, *durations, *names[: first + 1])
 
 
 def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: Machine) -> Effect:
@@ -112,6 +114,14 @@ def _memory(
     if peak_of is not None:
         unit = next(state.unit for state in machine.states if state.name == peak_of)
         return (State(own, unit, "", f"highest {peak_of} so far", 0.0, 0.0, 1.0),), own, None
+    if (of := machine.durations.get(covariate)) is not None:
+        what = f"for how long {of} has been positive"
+        duration = State(own, "s", "", what, 0.0, 0.0, 1.0, stiff=True)
+
+        def lasts(q: Any) -> Any:
+            return ca.if_else(getattr(q, of) > 0.0, 1.0, -getattr(q, own) / FORGOTTEN)
+
+        return (duration,), own, lasts
     return (), machine.turns.get(covariate, covariate), None
 
 

@@ -80,8 +80,9 @@ class Machine:
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
     beside inputs, states, time and energy; ``smooth_over`` (name → unit), further ones that a
     smooth error of a healthy machine may go with; ``rates`` of inputs (name → input), ``peaks``
-    (name → the state whose highest value so far it is) and ``turns`` (name → the angle, a state
-    in rad, of which it is the place within a turn); ``effects``, the library; ``unmodelled``,
+    (name → the state whose highest value so far it is), ``turns`` (name → the angle, a state
+    in rad, of which it is the place within a turn) and ``durations`` (name → the covariate
+    which it says for how long has been positive); ``effects``, the library; ``unmodelled``,
     parts that the equations leave out: never a cause, but allowed for as far as each gain goes in
     a ``healthy`` machine; ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all
     others), which sensor would separate errors; ``compared``, the pair of a validation.
@@ -142,6 +143,7 @@ class Machine:
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     peaks: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     turns: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
+    durations: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     effects: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)
     unmodelled: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)
     separating_sensors: tuple[Separation, ...] = ()

@@ -79,17 +79,7 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
                 "regimes.thresholds",
                 f"has no threshold '{name}'" + nearest(name, THRESHOLD_UNITS),
             )
-    for name in machine.peaks.values():
-        if name not in states:
-            yield "peaks", f"has no state '{name}'" + nearest(name, states)
-    angles = [s.name for s in machine.states if s.unit == "rad"]
-    for name in machine.turns.values():
-        if name not in angles:
-            yield "turns", f"has no state '{name}' in rad" + nearest(name, angles)
-    for name in machine.rates.values():
-        if name not in (*inputs, *machine.covariates):
-            known = (*inputs, *machine.covariates)
-            yield "rates", f"has no input or covariate '{name}'" + nearest(name, known)
+    yield from _unknown_covariates(machine, states, inputs)
     parameters, sensors = [p.key for p in machine.parameters], [s.name for s in machine.sensors]
     for procedure in machine.procedures:
         piece = f"procedure '{procedure.name}'"
@@ -114,6 +104,25 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
                 "sensors",
                 f"read in mode '{sensor.mode}'" + nearest(sensor.mode, machine.regimes.modes),
             )
+
+
+def _unknown_covariates(
+    machine: Any, states: list[str], inputs: list[str]
+) -> Iterator[tuple[str, str]]:
+    for name in machine.peaks.values():
+        if name not in states:
+            yield "peaks", f"has no state '{name}'" + nearest(name, states)
+    angles = [s.name for s in machine.states if s.unit == "rad"]
+    for name in machine.turns.values():
+        if name not in angles:
+            yield "turns", f"has no state '{name}' in rad" + nearest(name, angles)
+    for name in machine.rates.values():
+        if name not in (*inputs, *machine.covariates):
+            known = (*inputs, *machine.covariates)
+            yield "rates", f"has no input or covariate '{name}'" + nearest(name, known)
+    for name in machine.durations.values():
+        if name not in machine.covariates:
+            yield "durations", f"has no covariate '{name}'" + nearest(name, machine.covariates)
 
 
 def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
@@ -196,7 +205,8 @@ def _lacking(machine: Any, error: AttributeError) -> str:
 
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:
     known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
-    known |= {*machine.rates, *machine.peaks, *machine.turns, TIME, ENERGY}
+    known |= {*machine.rates, *machine.peaks, *machine.turns}
+    known |= {*machine.durations, TIME, ENERGY}
     inputs = [item.name for item in machine.inputs]
     for name, term in machine.error_terms.items():
         piece = f"error term '{name}'"

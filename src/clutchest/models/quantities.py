@@ -20,6 +20,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
         **rates,
         **peaks,
         **dict.fromkeys(machine.turns, "rad"),
+        **dict.fromkeys(machine.durations, "s"),
     }
     units |= machine.units | states
     return Quantity(name, units.get(name, "1"))

@@ -16,6 +16,7 @@ from typing import Any
 
 from clutchest.models.alsd.error_terms import (
     COVARIATES,
+    DURATIONS,
     ERROR_TERMS,
     PEAKS,
     RATES,
@@ -98,6 +99,7 @@ MACHINE = Machine(
     rates=RATES,
     peaks=PEAKS,
     turns=TURNS,
+    durations=DURATIONS,
     effects=effects_in("clutchest.models.alsd.effects"),
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,

@@ -32,6 +32,7 @@ _AXIAL = (
 _TORQUE = (
     "slip_speed",
     "pack_force",
+    "pressed_time",
     "motor_torque",
     "temp_pack",
     "temp_pack_peak",
@@ -118,3 +119,4 @@ COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm", "pack_force": "N", "g
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}
 TURNS = {"motor_angle_in_turn": "motor_angle"}
+DURATIONS = {"pressed_time": "pack_force"}
