@@ -1,0 +1,61 @@
+"""Covariates that the equations do not have: places within a turn, durations."""
+
+import math
+
+import numpy as np
+import pytest
+
+from clutchest.inference.covariates import knots
+from clutchest.models import shipped_machines
+from clutchest.models.curve_effect import curve_effects
+from clutchest.models.error_curve import ErrorCurve
+from clutchest.vehicle import load_vehicle
+from equations import argument_names, evaluator
+
+ALSD = next(machine for machine in shipped_machines() if machine.name == "alsd")
+
+
+def with_curve(error_term: str, covariate: str, at: tuple[float, ...], values: tuple[float, ...]):
+    full = ALSD.equations(ALSD.units)
+    return full.with_effects(
+        curve_effects("curve_1", ErrorCurve(error_term, covariate, at, values), ALSD)
+    )
+
+
+def ones(model) -> dict[str, float]:
+    return {name: 1.0 for group in argument_names(model) for name in group}
+
+
+@pytest.mark.parametrize("turns", [0, 3, -2])
+def test_a_curve_within_a_turn_is_the_same_in_every_turn(turns):
+    at = (0.0, math.pi, 2.0 * math.pi)
+    model = with_curve("motor", "motor_angle_in_turn", at, (0.0, 1.0, 0.0))
+    made = evaluator(model, ["motor_friction_torque"])
+    here = {**ones(model), "motor_angle": 0.5 * math.pi + turns * 2.0 * math.pi}
+    bare = {**here, "curve_1.size": 0.0}
+    error = made(here)["motor_friction_torque"] - made(bare)["motor_friction_torque"]
+    assert error == pytest.approx(0.5 * ALSD.error_terms["motor"].size, rel=1e-9)
+
+
+def test_a_duration_grows_while_its_quantity_is_positive_and_is_forgotten_after():
+    model = with_curve("torque", "pressed_time", (0.0, 1.0, 2.0), (0.1, 0.0, 0.0))
+    made = evaluator(model, ["pack_force", "curve_1_pressed_time_rate"])
+    rig = {key: value.value for key, value in load_vehicle("alsd_rig").parameters.items()}
+    plain = ones(model)
+    known = plain | {key: value for key, value in rig.items() if key in plain}
+    pressed = {**known, "motor_angle": 30.0, "curve_1_pressed_time": 0.7}
+    free = {**pressed, "motor_angle": -1.0}
+    assert made(pressed)["pack_force"] > 0.0
+    assert made(pressed)["curve_1_pressed_time_rate"] == 1.0
+    assert made(free)["pack_force"] <= 0.0
+    assert made(free)["curve_1_pressed_time_rate"] < -10.0
+
+
+def test_curves_bend_evenly_within_a_turn_and_early_in_a_duration():
+    angle = np.mod(np.linspace(0.0, 40.0, 5000), 2.0 * math.pi)
+    coarse, fine = knots(ALSD, "motor_angle_in_turn", angle, np.ones(5000))
+    assert len(fine) > 3 * 7  # seven slots of an armature
+    np.testing.assert_allclose(np.diff(fine), np.diff(fine)[0])
+    (early,) = knots(ALSD, "pressed_time", np.linspace(0.0, 8.1, 5000), np.ones(5000))
+    assert early[0] == 0.0 and np.all(np.diff(early, 2) > 0.0) and early[1] < 0.2
+    assert len(coarse) < len(fine)
