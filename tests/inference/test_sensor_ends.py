@@ -102,3 +102,9 @@ def test_without_an_end_in_reach_every_reading_counts(end):
     problem = Problem.of(record(1, np.inf), noisy(end), ())
     objective, _ = settled_off_ends(problem)
     assert len(objective.problem.drives[0].readings.t) == len(problem.drives[0].readings.t)
+
+
+def test_where_the_equations_have_everything_beyond_the_end_all_readings_count():
+    problem = Problem.of(record(1, np.inf), noisy(0.5), ())
+    objective, _ = settled_off_ends(problem)
+    assert len(objective.problem.drives[0].readings.t) == COUNT

@@ -34,7 +34,7 @@ Rows = NDArray[np.bool_]
 
 def settled_off_ends(problem: Problem) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, as :func:`~clutchest.inference.map_fit.settle` has them, of the
-    readings that count by them."""
+    readings that count by them; of all where none would."""
     objective, fit = settle(Objective.of(problem), problem.begin)
     ends = [_ends(sensor, problem.vehicle) for sensor in problem.compiled.model.sensors]
     if not np.isfinite(ends).any():
@@ -42,7 +42,8 @@ def settled_off_ends(problem: Problem) -> tuple[Objective, Linearisation]:
     counted = [np.ones(len(drive.readings.t), bool) for drive in problem.drives]
     for _ in range(TURNS):
         count = _off(problem, fit.theta, counted, np.array(ends))
-        if all(np.array_equal(*each) for each in zip(count, counted, strict=True)):
+        same = all(np.array_equal(*each) for each in zip(count, counted, strict=True))
+        if same or not any(map(np.any, count)):
             break
         counted = count
         objective, fit = settle(Objective.of(problem.counting(counted)), fit.theta)
