@@ -14,20 +14,10 @@ from typing import ClassVar
 import numpy as np
 
 from blind.outsiders import OUTSIDERS, Floats, Law, Outsider, Readings, Seen
+from blind.unlisted import NearMiss
 
 RADIATION = 5.67e-8  # W/(m² K⁴)
 KELVIN = 273.15
-
-
-class NearMiss(Outsider):
-    """One that resembles an effect, or one whose place no list has (``listed`` False)."""
-
-    others: ClassVar[tuple[str, ...]] = ()
-    listed: ClassVar[bool] = True
-
-    @classmethod
-    def equations(cls) -> tuple[str, ...]:
-        return (cls.equation, *cls.others)
 
 
 # --- near an effect ------------------------------------------------------------------------------
@@ -269,7 +259,7 @@ class RestedLining(NearMiss):
     """Moisture settles on a lining at rest, and dries as it slips: it bites harder after a rest."""
 
     name, equation, drivers = "rested_lining", "torque", ("rest_time",)
-    listed = False
+    # listed since it was missed
     unit, largest = "1", 0.5
 
     def law(self) -> Law:
@@ -306,7 +296,7 @@ class Polished(NearMiss):
     """Every engagement polishes the lining a little, however much heat it makes."""
 
     name, equation, drivers = "polished", "torque", ("engagements",)
-    listed = False
+    # listed since it was missed
     unit, largest = "1", 0.6
 
     def law(self) -> Law:
@@ -326,7 +316,7 @@ class HeavyCore(NearMiss):
     """The position sensor's core is dragged along as the engine jerks at its mounts."""
 
     name, equation, drivers = "heavy_core", "sensor:slave_position", ("engine_acceleration",)
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "mm", 0.8
 
     def readings(self, true: Readings) -> Readings:

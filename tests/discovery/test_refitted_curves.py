@@ -102,6 +102,31 @@ def test_friction_may_go_with_how_fast_slip_changes(launches: Problem) -> None:
     assert np.mean(np.sign(steps[quick]) == np.sign(known["slip_rate"][quick])) > 0.9
 
 
+def test_a_span_is_widened_by_what_a_curve_explains(launches: Problem) -> None:
+    whole = Objective.of(launches)
+    count = len(whole.linearise_at(np.zeros(len(launches.thetas))).r)
+    rng = np.random.default_rng(4)
+    known, curve = rng.standard_normal((count, 3)), rng.standard_normal((count, 2))
+    assert whole.also_in_span(curve) is whole  # which judges by all
+    wider = whole.with_span([known]).also_in_span(np.column_stack([curve, known[:, 0]]))
+    assert wider.span is not None and wider.span.shape[1] == 5
+    assert wider.span.T @ wider.span == pytest.approx(np.eye(5), abs=1e-9)
+    for column in (*known.T, *curve.T):
+        assert np.sum(wider.in_span(column) ** 2) == pytest.approx(column @ column)
+
+
+def test_a_sensor_may_go_with_how_the_engine_speeds_up(launches: Problem) -> None:
+    (drive,) = launches.drives
+    known, t = covariates(drive, drive.at_nominal), drive.line.t
+    rate, speed = known["engine_acceleration"], known["engine_speed"]
+    quick = drive.tracked.act & (np.abs(rate) > 20.0)
+    steps = np.gradient(speed, t + 1e-9 * np.arange(len(t)))
+    assert np.count_nonzero(quick) > 50
+    assert np.mean(np.sign(steps[quick]) == np.sign(rate[quick])) > 0.9
+    assert np.median(np.abs(rate[~drive.tracked.act])) == 0.0  # nor does noise
+    assert quantity_of(TRUCK.machine, "engine_acceleration").unit == "rad/s^2"
+
+
 def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
     known = {name: quantity_of(TRUCK.machine, name) for name in TRUCK.machine.rates}
     assert known["position_rate"].unit == "mm/s"
@@ -116,6 +141,8 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
         ("bedding_in-112", "zero_position", "energy"),
         ("frictional_lag-116", "torque", "slip_rate"),
         ("frictional_lag-132", "torque", "slip_rate"),
+        ("heavy_core-165", "sensor:slave_position", "engine_acceleration"),
+        ("report_and_bedding-171", "zero_position", "energy"),
         ("shaken_sensor-107", "sensor:slave_position", "engine_speed"),
         ("floating_fingers-115", "sensor:slave_position", "engine_speed"),
     ],

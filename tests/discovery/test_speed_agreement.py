@@ -17,8 +17,9 @@ TRUCK = clutchest.load_vehicle("truck")
 NOISE = 0.06  # rad/s
 
 
-def speeds(ratio=0.0, late=0.0, *, moves=True, locks=True, seed=1) -> Signals:
-    """Two minutes in which engine and shaft turn together for 6 s of every 10, else slip."""
+def speeds(ratio=0.0, late=0.0, *, moves=True, locks=True, weak=0.0, seed=1) -> Signals:
+    """Two minutes in which engine and shaft turn together for 6 s of every 10, else slip; the shaft
+    loses a ``weak`` share of its teeth at 70 rad/s, and ever fewer above."""
     random, time = np.random.default_rng(seed), np.arange(0.0, 120.0, 0.01)
 
     def shaft(t):
@@ -28,7 +29,8 @@ def speeds(ratio=0.0, late=0.0, *, moves=True, locks=True, seed=1) -> Signals:
     slip = np.where(phase < 4.0, 60.0 * (1.0 - phase / 4.0), 0.0) if locks else 20.0 + phase
     read = {
         "engine_speed": (1.0 + ratio) * (shaft(time) + slip),
-        "input_shaft_speed": shaft(time - late),
+        "input_shaft_speed": shaft(time - late)
+        * (1.0 - weak * np.exp((70.0 - shaft(time - late)) / 10.0)),
     }
     return Signals(
         {
@@ -55,6 +57,20 @@ def test_a_wrong_number_of_teeth_is_a_ratio(ratio):
     assert f"% {'more' if ratio > 0.0 else 'less'} than input_shaft_speed" in words
     assert disagreement(off.corrected(speeds(ratio)), TRUCK) is None
     assert off.stated(TRUCK) is TRUCK
+
+
+@pytest.mark.parametrize("weak", [0.03, 0.06])
+def test_teeth_that_are_lost_at_low_speed_are_no_wrong_number_of_them(weak):
+    off = disagreement(speeds(weak=weak), TRUCK)
+    assert off is not None and off.over is not None and off.late == 0.0
+    assert np.all(np.diff(off.over.ratio) < 0.0) and off.over.at(np.array([148.0])) < 1e-3
+    assert 0.2 * weak < off.ratio < 1.1 * weak  # the slowest there is, of which there is little
+    where = off.before(None)
+    assert where.equation == "sensor:input_shaft_speed"
+    assert where.covariates == ("input_shaft_speed",)
+    (words,) = off.words
+    assert words.startswith("input_shaft_speed reads up to") and "% less than engine_speed" in words
+    assert disagreement(speeds(0.0125), TRUCK).over is None
 
 
 @pytest.mark.parametrize("late", [-0.08, 0.2])

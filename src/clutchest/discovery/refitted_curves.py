@@ -33,7 +33,8 @@ from clutchest.signals import Floats
 
 LARGE = 100.0  # of a curve's worth: from here on, the first order is not exact
 AS_LIKELY = 0.25  # of the leading curve's evidence: others that have less are not fitted
-LEADERS, DRIVERS, FINEST = 4, 3, 3  # curves that are fitted: of all, of the first's term, finely
+HALF = 0.5  # of the evidence of the term that is likeliest in full: further drivers are fitted
+LEADERS, DRIVERS, FINEST = 4, 3, 3  # curves that are fitted: of all, more of a term, finely
 FINE = 12  # knots of a curve that bends more closely
 WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most
@@ -68,36 +69,46 @@ class _Point:
 
 
 class _Fitted(NamedTuple):
-    """A curve, as it is where it is fitted, and where that is."""
+    """A curve, as it is where it is fitted, where that is, and the fits from where it began."""
 
     curve: Curve
     at: _Point
+    by: _Fits
 
 
 @dataclass(frozen=True, slots=True)
 class _Fits:
-    """Where fits of curves begin: at the model without one, with these ``free`` unknowns
-    (indices)."""
+    """Where fits of curves ``begin``: at a model without one, of covariates as they are there, with
+    these ``free`` unknowns (indices); judged by what they explain more than the ``null``."""
 
-    null: CurvesAt
+    begin: CurvesAt
+    null: Linearisation
     free: NDArray[np.int64]
 
     @classmethod
-    def of(cls, search: Search) -> _Fits:
-        """At the null of a search, judged by all that the readings say."""
-        objective, free = replace(search.objective, span=None), search.free(())
+    def of(cls, search: Search) -> tuple[_Fits, _Fits]:
+        """At the null of a search, and at the numbers of the vehicle's file: what makes up for a
+        large error is far from the truth, where temperatures are none that there are."""
+        objective, free = search.objective, search.free(())
         begin = objective.linearise_at(search.null.fit.theta, active=free)
-        return cls(CurvesAt.of(objective, improve(objective, begin, free)), free)
+        null = improve(objective, begin, free)
+        stated = objective.linearise_at(np.zeros(len(null.theta)), active=free)
+        return (
+            cls(CurvesAt.of(objective, null), null, free),
+            cls(CurvesAt.of(objective, stated), null, free),
+        )
 
     def from_none(self, curve: Curve) -> _Fitted:
         """A curve, fitted from none on."""
+        begin, count = self.begin, len(curve.at)
+        at = next((at for at in begin.bends(curve.covariate) if len(at) == count), curve.at)
         return self._fitted(
-            curve, _Point(self.null.objective, self.null.fit, np.zeros(len(curve.at)))
+            replace(curve, at=at), _Point(begin.objective, begin.fit, np.zeros(count))
         )
 
     def finer(self, known: _Fitted) -> _Fitted:
         """A fitted curve with more knots, from its fit on."""
-        curve, at = known
+        curve, at, _ = known
         share = np.linspace(0.0, len(curve.at) - 1.0, FINE)
         bends = np.interp(share, np.arange(len(curve.at)), curve.at)
         start = np.interp(bends, curve.at, at.coefficients)
@@ -107,12 +118,15 @@ class _Fits:
         """By the coefficients of a curve (K, c)."""
         columns = np.arange(len(curve.at))
         modulations = [Modulation(basis, columns) for basis in self._bases(curve)]
-        thetas = np.full(len(columns), places(self.null.problem)[curve.error_term])
+        thetas = np.full(len(columns), places(self.begin.problem)[curve.error_term])
         return at.objective.modulated(at.lin, thetas, modulations)
 
     def _fitted(self, curve: Curve, at: _Point) -> _Fitted:
         by, bases = self.derivatives(curve, at), self._bases(curve)
-        theta = places(self.null.problem)[curve.error_term]
+        # the noise that inputs bring along seems to depend on a curve where these are changed by it
+        objective = at.objective.also_in_span(by)
+        at = replace(at, objective=objective, lin=objective.judged(at.lin))
+        theta = places(self.begin.problem)[curve.error_term]
         for _ in range(STEPS):
             there = self._along(at, self._step(at, by), bases, theta)
             if there is None:
@@ -123,7 +137,7 @@ class _Fits:
                 break
         of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
         spread = covariance(of.information, negligible, WIDEST)
-        explained = self.null.fit.cost - at.lin.cost
+        explained = objective.judged(self.null).cost - at.lin.cost
         known = replace(
             curve,
             coefficients=at.coefficients,
@@ -133,11 +147,11 @@ class _Fits:
             # noise has a Bayes factor of B once in B times at most
             p_value=min(curve.p_value, float(np.exp(-max(evidence, 0.0) / 2.0))),
         )
-        return _Fitted(known, at)
+        return _Fitted(known, at, self)
 
     def _bases(self, curve: Curve) -> list[Floats]:
         """A curve's hats (events, c) in every drive."""
-        return [hats(values[curve.covariate], curve.at) for values in self.null.values]
+        return [hats(values[curve.covariate], curve.at) for values in self.begin.values]
 
     def _projected(self, at: _Point, by: Floats) -> Projected:
         """What of derivatives (K, c) no other unknown explains; scores are those of no curve."""
@@ -201,17 +215,21 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     some = [c for c in errors if c.covariate != TIME or len(c.at) < max(FINE_KNOTS)]
     if not some or max(curve.worth for curve in some) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
-    fits = _Fits.of(search)
+    starts = _Fits.of(search)
     least = AS_LIKELY * some[0].evidence
     firsts = {curve.error_term: curve for curve in reversed(some)}.values()
     first = [*some[:LEADERS], *(c for c in firsts if c.evidence > least)]
-    done = {key: fits.from_none(curve) for key, curve in {_key(c): c for c in first}.items()}
-    leader = max(done.values(), key=_evidence).curve.error_term
-    also = [c for c in some if c.error_term == leader and _key(c) not in done]
-    done |= {_key(c): fits.from_none(c) for c in also[:DRIVERS]}
+    done = {key: _best(starts, curve) for key, curve in {_key(c): c for c in first}.items()}
+    # what explains most to first order may not do so in full
+    of_terms = {each.curve.error_term: each for each in sorted(done.values(), key=_evidence)}
+    likely = HALF * max(map(_evidence, of_terms.values()))
+    for term, leader in of_terms.items():
+        more = [c for c in some if c.error_term == term and _key(c) not in done][:DRIVERS]
+        if _evidence(leader) > likely:
+            done |= {_key(curve): leader.by.from_none(curve) for curve in more}
     leading = sorted(done.values(), key=_evidence, reverse=True)
     coarse = [e for e in leading[:FINEST] if len(e.curve.at) < FINE]
-    finer = [fits.finer(each) for each in coarse if each.curve.covariate != TIME]
+    finer = [each.by.finer(each) for each in coarse if each.curve.covariate != TIME]
     leading = sorted([*leading, *finer], key=_evidence, reverse=True)
     last = leading[-1].curve.evidence
     others = [
@@ -219,11 +237,16 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
         for curve in errors
         if _key(curve) not in done
     ]
-    best, at = leading[0]
+    best, at, fits = leading[0]
     full = at.objective.relinearise(at.lin, at.lin.theta)
     at = replace(at, lin=replace(full, raw=()))
     fit = without(at, fits.derivatives(best, at))
-    return Located([*(curve for curve, _ in leading), *others], at.objective, fit, True)
+    return Located([*(each.curve for each in leading), *others], at.objective, fit, True)
+
+
+def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:
+    """A curve, fitted from none on, from where it becomes the likeliest."""
+    return max((fits.from_none(curve) for fits in starts), key=_evidence)
 
 
 def _evidence(known: _Fitted) -> float:

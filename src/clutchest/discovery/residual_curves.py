@@ -159,20 +159,21 @@ class CurvesAt:
         # without a signal, some equations are others
         machine = self.problem.compiled.machine
         terms = {k: v for k, v in machine.error_terms.items() if k in place}
-        acts = np.concatenate([drive.tracked.act for drive in self.problem.drives]).astype(float)
-        acts = acts if acts.any() else np.ones(len(acts))
-
-        def everywhere(covariate: str) -> Floats:
-            return np.concatenate([v[covariate] for v in self.values])
-
         return [
             CandidateCurve(term, error_term.equation, place[term], covariate, at)
             for covariate in self.varying()
-            for at in knots(machine, covariate, everywhere(covariate), acts)
+            for at in self.bends(covariate)
             if not self._regulated(covariate, at)
             for term, error_term in terms.items()
             if _is_tested(error_term, covariate, at)
         ]
+
+    def bends(self, covariate: str) -> tuple[Floats, ...]:
+        """Where curves over a covariate may bend, by where errors act."""
+        acts = np.concatenate([drive.tracked.act for drive in self.problem.drives]).astype(float)
+        values = np.concatenate([v[covariate] for v in self.values])
+        acts = acts if acts.any() else np.ones(len(acts))
+        return knots(self.problem.compiled.machine, covariate, values, acts)
 
     def _regulated(self, covariate: str, at: Floats) -> bool:
         """Whether a covariate with knots ``at`` is held at one value: it still moves by what a loop

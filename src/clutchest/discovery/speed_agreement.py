@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
 from clutchest.discovery.result import Where
+from clutchest.inference.covariates import hats
 from clutchest.shown import plus_minus
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -32,14 +33,45 @@ BLOCK = 1.0  # s, in which what is left may correlate
 RATIO_SPREAD = 0.001  # of two healthy sensors, one over the other
 SURE = 5.0  # standard deviations, the healthy spread among them
 PLACES = 4  # of a delay in s that a file states
+BENDS = 4  # knots of a ratio over speed
+NEAR = 4.0  # times that width, about a ratio for all speeds: where one of them is sought
+SPAN = 0.2  # of the highest speed: of fewer speeds, no ratio tells whether it changes with them
 EXPLAINS = 3.0  # standard deviations of what it explains, by blocks: not in a few of them alone
+
+
+@dataclass(frozen=True, slots=True)
+class RatioOverSpeed:
+    """A ``ratio`` less 1 (k) that changes with the speed, at values ``speed`` (k) rad/s of it, and
+    its standard deviations (k)."""
+
+    speed: Floats
+    ratio: Floats
+    std: Floats
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """The ratio that is the most, and its standard deviation."""
+        k = int(np.argmax(np.abs(self.ratio)))
+        return float(self.ratio[k]), float(self.std[k])
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is not the same at all speeds, surely."""
+        low, high = int(np.argmin(self.ratio)), int(np.argmax(self.ratio))
+        within = np.linalg.norm([RATIO_SPREAD, self.std[low], self.std[high]])
+        return float(self.ratio[high] - self.ratio[low]) > SURE * float(within)
+
+    def at(self, speed: Floats) -> Floats:
+        """The ratio less 1 at each ``speed`` (n)."""
+        return np.interp(speed, self.speed, self.ratio)
 
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
     """What two speeds disagree by while they turn together: the ``first`` over the ``second`` is 1
     + ``ratio``, the second is ``late`` s; each 0 where it is no more than a healthy pair's, else
-    with its standard deviation; ``p_value`` of the surer one."""
+    with its standard deviation; ``p_value`` of the surer one.  Of a ratio that changes with the
+    speed, ``ratio`` is the largest, and all of it is ``over`` the second's speed."""
 
     first: str
     second: str
@@ -48,11 +80,17 @@ class Disagreement:
     late: float
     late_std: float
     p_value: float
+    over: RatioOverSpeed | None = None
+
+    @property
+    def wrong(self) -> str:
+        """Which of the two has a wrong ratio: the first, though it may be the second; of a ratio
+        that changes with the speed that which reads less, as what counts teeth loses them."""
+        return self.second if self.over is not None and self.ratio > 0.0 else self.first
 
     def before(self, other: Where | None) -> Where:
-        """The sensor that is wrong, of a ratio the first, though it may be the second; behind it
-        whatever ``other`` equations have an error."""
-        ratio = [f"sensor:{self.first}"] if self.ratio else []
+        """The sensor that is wrong; behind it whatever ``other`` equations have an error."""
+        ratio = [f"sensor:{self.wrong}"] if self.ratio else []
         late = [f"timing:{self.second}"] if self.late else []
         found = [
             Where(equation, (equation.partition(":")[2],), p_value=self.p_value)
@@ -65,7 +103,14 @@ class Disagreement:
     def words(self) -> list[str]:
         """A warning each: what disagrees, and what was done about it."""
         words, together = [], "while they turn together"
-        if self.ratio:
+        if self.over is not None:
+            other = self.first if self.wrong == self.second else self.second
+            most = plus_minus(100.0 * abs(self.ratio), 100.0 * self.ratio_std, "%")
+            words.append(
+                f"{self.wrong} reads up to {most} less than {other} {together}, by another share "
+                "at another speed: all else was examined as if it were the one that is wrong"
+            )
+        elif self.ratio:
             size = plus_minus(100.0 * abs(self.ratio), 100.0 * self.ratio_std, "%")
             more = "more" if self.ratio > 0.0 else "less"
             words.append(
@@ -99,9 +144,11 @@ class Disagreement:
     def _corrected(self, drive: Signals) -> Signals:
         """One drive."""
         signals = dict(drive.signals)
-        if self.ratio and self.first in signals:
-            one = signals[self.first]
-            signals[self.first] = replace(one, value=one.value / (1.0 + self.ratio))
+        if self.ratio and self.wrong in signals:
+            one = signals[self.wrong]
+            ratio = self.ratio if self.over is None else self.over.at(one.value)
+            share = 1.0 + ratio if self.wrong == self.first else 1.0 / (1.0 + ratio)
+            signals[self.wrong] = replace(one, value=one.value / share)
         if self.late and self.second in signals:
             one = signals[self.second]
             moved = replace(one, time=one.time - self.late)
@@ -128,13 +175,17 @@ def disagreement(signals: Signals, vehicle: Vehicle) -> Disagreement | None:
     if fit is None:
         return None
     healthy = np.array([RATIO_SPREAD, vehicle.signals[second].delay_spread])
-    within: Floats = np.hypot(fit.std, healthy)
-    sure = np.abs(fit.value) / within * (fit.explains > EXPLAINS)
+    value, std, explains = fit.value.copy(), fit.std.copy(), fit.explains.copy()
+    if fit.over is not None:
+        (value[0], std[0]), explains[0] = fit.over.largest, np.inf
+    within: Floats = np.hypot(std, healthy)
+    sure = np.where(explains > EXPLAINS, np.abs(value) / within, 0.0)
     if sure.max() < SURE:
         return None
-    ratio, late = map(float, np.where(sure < SURE, 0.0, fit.value))
+    ratio, late = map(float, np.where(sure < SURE, 0.0, value))
     p_value = max(4.0 * float(ndtr(-np.max(sure))), float(np.finfo(float).tiny))
-    return Disagreement(first, second, ratio, float(fit.std[0]), late, float(fit.std[1]), p_value)
+    over = fit.over if ratio else None
+    return Disagreement(first, second, ratio, float(std[0]), late, float(std[1]), p_value, over)
 
 
 def _width(vehicle: Vehicle, names: Sequence[str]) -> float:
@@ -176,11 +227,13 @@ def _smooth(value: Floats) -> Floats:
 @dataclass(frozen=True, slots=True)
 class _Fit:
     """The ratio less 1 and the lateness (2) that most of the time agrees with, and their standard
-    deviations; by how many of its own standard deviations each ``explains`` more than none."""
+    deviations; by how many of its own standard deviations each ``explains`` more than none; the
+    ratio ``over`` the speed, None where one for all speeds explains as much."""
 
     value: Floats
     std: Floats
     explains: Floats
+    over: RatioOverSpeed | None
 
 
 def _fitted(pairs: Sequence[_Pair], width: float) -> _Fit | None:
@@ -200,7 +253,10 @@ def _fitted(pairs: Sequence[_Pair], width: float) -> _Fit | None:
     ratio, late = value
     best = speeds.loss(ratio, late)
     others = speeds.loss(0.0, late), speeds.loss(speeds.ratio(0.0), 0.0)
-    return _Fit(value, std, np.array([_clearly(other - best) for other in others]))
+    over = speeds.over_speed(ratio, late)
+    if over and not (over.changes and _clearly(best - speeds.loss(over, late)) > EXPLAINS):
+        over = None
+    return _Fit(value, std, np.array([_clearly(other - best) for other in others]), over)
 
 
 def _clearly(gain: Floats) -> float:
@@ -232,12 +288,20 @@ class _Speeds:
 
     def ratio(self, late: float) -> float:
         """The first over the second, less 1, were the latter so much ``late``."""
-        return float(self._robust(self.second(late)[:, None], self.second(late))[0][0])
+        second = self.second(late)
+        wide = self._wide(second)
+        return float(self._robust(self.first - second, second[:, None], np.zeros(1), wide)[0][0])
 
-    def loss(self, ratio: float, late: float) -> Floats:
+    def _wide(self, second: Floats) -> float:
+        """rad/s by which the speeds may differ at first while they turn together."""
+        return max(WIDE * float(np.median(second[self.turns])), self.width)
+
+    def loss(self, ratio: float | RatioOverSpeed, late: float) -> Floats:
         """What they disagree by in each block, in ``width``, squared; no more where they slip, and
         nothing where it may be noise, of which one lateness or another explains a little."""
-        left = self.first - (1.0 + ratio) * self.second(late)
+        second = self.second(late)
+        share = ratio.at(second) if isinstance(ratio, RatioOverSpeed) else ratio
+        left = self.first - (1.0 + share) * second
         lost = np.clip((left / self.width) ** 2, NOISE, 1.0) - NOISE
         return np.bincount(self.block, np.where(self.turns, lost, 0.0)).astype(float)
 
@@ -246,23 +310,51 @@ class _Speeds:
         left in blocks, and for how many s the speeds agree."""
         second = self.second(near)
         columns = np.column_stack([second, np.gradient(second, STEP)])
-        value, weight = self._robust(columns, second)
-        scores = columns * (weight * (self.first - second - columns @ value))[:, None]
-        each = np.column_stack([np.bincount(self.block, score) for score in scores.T])
-        inner = np.linalg.inv((columns.T * weight) @ columns + 1e-9 * np.eye(2))
-        std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner))
-        return value + np.array([0.0, near]), std, float(np.count_nonzero(weight)) * STEP
+        value, std, seconds = self._with_std(
+            self.first - second, columns, np.zeros(2), self._wide(second)
+        )
+        return value + np.array([0.0, near]), std, seconds
 
-    def _robust(self, columns: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Coefficients of ``columns`` (n, c) in what the speeds differ by, and weights (n), by
-        Tukey's, ever closer: where the speeds slip on each other they do not count."""
-        off, count = self.first - second, columns.shape[1]
-        wide = max(WIDE * float(np.median(second[self.turns])), self.width)
-        value: Floats = np.zeros(count)
+    def over_speed(self, ratio: float, late: float) -> RatioOverSpeed | None:
+        """The ratio over the second's speed, where there is about this one for all speeds, or none;
+        None where they turn together at one speed only."""
+        second = self.second(late)
+        close = self.turns & (np.abs(self.first - second) < WIDE * second)
+        low, high = np.quantile(second[close], [0.02, 0.98]) if close.any() else (0.0, 0.0)
+        if high - low <= SPAN * high:
+            return None
+        speed = np.linspace(low, high, BENDS)
+        columns, wide = second[:, None] * hats(second, speed), NEAR * self.width
+        found = []
+        for begin in (0.0, ratio):  # what is far from either may be slip that stays the same
+            start = np.full(BENDS, begin)
+            value, std, _ = self._with_std(self.first - second, columns, start, wide)
+            found.append(RatioOverSpeed(speed, value, std))
+        return min(found, key=lambda each: float(np.sum(self.loss(each, late))))
+
+    def _with_std(
+        self, off: Floats, columns: Floats, begin: Floats, wide: float
+    ) -> tuple[Floats, Floats, float]:
+        """As ``_robust``: coefficients, their standard deviations (c) by what is left in blocks,
+        and for how many s they describe the speeds."""
+        value, weight = self._robust(off, columns, begin, wide)
+        scores = columns * (weight * (off - columns @ value))[:, None]
+        each = np.column_stack([np.bincount(self.block, score) for score in scores.T])
+        inner = np.linalg.inv((columns.T * weight) @ columns + 1e-9 * np.eye(len(value)))
+        std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner))
+        return value, std, float(np.count_nonzero(weight)) * STEP
+
+    def _robust(
+        self, off: Floats, columns: Floats, begin: Floats, wide: float
+    ) -> tuple[Floats, Floats]:
+        """Coefficients (c) of ``columns`` (n, c) in what the speeds are ``off`` (n), from where
+        they ``begin`` (c) on, and weights (n), by Tukey's, from ``wide`` on ever closer: where the
+        speeds slip on each other they do not count."""
+        value: Floats = begin
         weight: Floats = np.zeros(len(off))
         for width in np.geomspace(wide, self.width, STEPS):
             left = off - columns @ value
             weight = np.where(self.turns, np.maximum(1.0 - (left / width) ** 2, 0.0) ** 2, 0.0)
-            inner = (columns.T * weight) @ columns + 1e-9 * np.eye(count)
+            inner = (columns.T * weight) @ columns + 1e-9 * np.eye(len(value))
             value = np.asarray(np.linalg.solve(inner, (columns.T * weight) @ off))
         return value, weight

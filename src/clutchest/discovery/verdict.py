@@ -126,7 +126,10 @@ def _verdict(
     held = any(not tested.form.refuted for tested in forms.values())
     if len(best.causes) > 1 or held:  # one curve may explain as much as several, or more than one
         errors = _residual_errors(search, search.null)  # by the noise of the best
-        unnamed |= _better_as_curve(search.null.cost - best.cost + denied, len(best.causes), errors)
+        explained, count = search.null.cost - best.cost + denied, len(best.causes)
+        unnamed |= _better_as_curve(explained, count, errors)
+        if count > 1 and not unnamed:  # of large errors, what explains most to first order may not
+            unnamed = _better_as_curve(explained, count, located(search, errors).errors)
     unnamed |= any(
         not _of_right_family(search, best, effect, forms[effect], errors)
         for effect in best.effects

@@ -1,6 +1,6 @@
 """Covariates of errors at every event of a drive: inputs, states and their highest values so far,
-rates, places within a turn,
-durations, time and energy."""
+rates, places within a turn, durations, time, energy, and how often and after how long a rest
+surfaces have slid."""
 
 from __future__ import annotations
 
@@ -10,11 +10,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.denoising import BRIEF, CALM, adaptive_mean, deadband, denoised_rate
+from clutchest.inference.denoising import (
+    BRIEF,
+    CALM,
+    adaptive_mean,
+    deadband,
+    denoised_rate,
+    denoised_slope,
+)
 from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.models.declarations import ENERGY, TURN
+from clutchest.models.declarations import ENERGY, ENGAGEMENTS, REST, TURN
 from clutchest.models.effects.effect import TIME
 from clutchest.models.machine import Machine
 from clutchest.signals import Floats
@@ -23,6 +30,7 @@ KNOTS = 5  # of a curve over a covariate
 BEGINNING = 3.0 ** -np.arange(5)  # parts of a duration: more happens at its begin
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
+PAUSE = 0.5  # s, of a rest: what is shorter is noise of the speeds, or a change of the slip's sign
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
@@ -36,7 +44,11 @@ def covariates(
     spans = np.diff(line.t, prepend=line.t[0])
     # correlation with the noise of a covariate is no error
     series = {name: deadband(line.t, value, drive.tracked.act) for name, value in read.items()}
-    inputs = {item.name for item in drive.compiled.model.inputs}
+    inputs = [item.name for item in drive.compiled.model.inputs]
+    series |= {
+        name: denoised_slope(line.t, at.inputs[:, inputs.index(name)], drive.tracked.act)
+        for name in drive.compiled.model.slopes
+    }
     series |= {
         name: denoised_rate(line.t, read[of], drive.tracked.act, BRIEF if of in inputs else CALM)
         for name, of in machine.rates.items()
@@ -46,6 +58,7 @@ def covariates(
     series |= {name: np.mod(series[of], TURN) for name, of in machine.turns.items()}
     series |= {n: _duration(line.t, series[of] > 0.0) for n, of in machine.durations.items()}
     series[ENERGY] = np.cumsum(power * spans)
+    series[REST], series[ENGAGEMENTS] = rests(line.t, drive.tracked.act)
     series[TIME] = line.t
     return series
 
@@ -53,6 +66,26 @@ def covariates(
 def _duration(t: Floats, lasts: NDArray[np.bool_]) -> Floats:
     """For how long something ``lasts`` at times ``t`` (K), s; 0 where it does not."""
     return np.where(lasts, t - np.maximum.accumulate(np.where(lasts, t[0], t)), 0.0)
+
+
+def rests(t: Floats, slides: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """At times ``t`` (K), s, where surfaces ``slides`` (K) or not: for how long they have rested,
+    s, and while they slide, for how long they had before; how often they have begun to slide.  The
+    first rest began before the record did: it was as long as any."""
+    sliding = np.flatnonzero(slides)
+    if not len(sliding):
+        return t - t[0], np.zeros(len(t))
+    since = np.diff(t[sliding], prepend=t[0])
+    begins = since > PAUSE
+    begins[0] = True
+    since[0] = since[begins].max()
+    count = np.zeros(len(t))
+    count[sliding[begins]] = 1.0
+    last = np.searchsorted(sliding, np.arange(len(t)), side="right") - 1
+    before = since[begins][np.cumsum(begins) - 1]
+    rest = t - np.where(last < 0, t[0], t[sliding[last]])
+    held = slides | ((rest <= PAUSE) & (last >= 0))
+    return np.where(held, before[last], rest), np.cumsum(count)
 
 
 def noise_in_derivatives(

@@ -107,7 +107,17 @@ def denoised_rate(
     rate = _smooth(t, value, over, 1)
     if not len(value):
         return rate
-    reach = REACH * _noise(rate - _smooth(t, value, max(NARROW, CALMER * over), 1), where)
+    return _beyond(rate, rate - _smooth(t, value, max(NARROW, CALMER * over), 1), where)
+
+
+def denoised_slope(t: Floats, slope: Floats, where: NDArray[np.bool_]) -> Floats:
+    """The same of a ``slope`` (K) that is known, with noise."""
+    return _beyond(slope, slope - _smooth(t, slope, WIDE), where)
+
+
+def _beyond(rate: Floats, off: Floats, where: NDArray[np.bool_]) -> Floats:
+    """A ``rate`` (K) beyond the reach of its noise, which is what it is ``off`` (K)."""
+    reach = REACH * _noise(off, where)
     return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
 
 

@@ -115,6 +115,15 @@ class Objective:
             add_product(span, part, by)
         return replace(self, span=span)
 
+    def also_in_span(self, columns: Floats) -> Objective:
+        """One that judges by what lies in the span of these derivatives (K, c) as well."""
+        if self.span is None:
+            return self
+        beside = columns - self.span @ (self.span.T @ columns)
+        directions, strength, _ = np.linalg.svd(beside, full_matrices=False)
+        keep = strength**2 > NOTHING * max(float(np.sum(columns**2)), 1e-300)
+        return replace(self, span=np.column_stack([self.span, directions[:, keep]]))
+
     def with_noise_of(self, lin: Linearisation) -> Objective:
         """One whose noise model is that of what the innovations keep when every θ, causes too, has
         taken its share: what a cause leaves in the data must not pass for noise."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from clutchest.models.model import Model
 
 ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
+REST = "rest_time"  # s: how long surfaces have not slid, and while they do, how long they had not
+ENGAGEMENTS = "engagements"  # so many times they have begun to slide
 TURN = 6.283185307179586  # rad
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from clutchest.models.declarations import ENERGY, ENGAGEMENTS, REST
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
 
@@ -14,7 +15,9 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
     units = {
         "time": "s",
-        "energy": "J",
+        ENERGY: "J",
+        REST: "s",
+        ENGAGEMENTS: "1",
         **machine.covariates,
         **machine.smooth_over,
         **rates,
@@ -22,7 +25,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
         **dict.fromkeys(machine.turns, "rad"),
         **dict.fromkeys(machine.durations, "s"),
     }
-    units |= machine.units | states
+    units |= {i.name: i.unit for i in machine.inputs} | machine.units | states
     return Quantity(name, units.get(name, "1"))
 
 

@@ -9,11 +9,12 @@ from clutchest.models.error_terms import ErrorTerm
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
-# What is bolted to an engine is shaken by it, and in a truck by the road.
+# What is bolted to an engine is shaken by it, in a truck by the road, and dragged along by jerks.
 _ACTUATOR = (
     "slave_position",
     "position_rate",
     "engine_speed",
+    "engine_acceleration",
     "vehicle_speed",
     "temp_housing",
     "ambient_temp",
@@ -40,10 +41,10 @@ _HEATS = (  # flows between what is warm, stirred by what turns, through what to
     "slave_position",
     *_WARMTH,
 )
-# The rate of the slip is none of these: it is the reading's own noise that it would go with.
+# The rate of the slip is none of these: it is the reading's own noise that it would go with.  Nor
+# is the torque's report: what is off by it, is off in the report.
 _ENGINES_BALANCE = (
     *_HEATS,
-    "engine_torque",
     "position_rate",
     "zero_position",
     "friction",
@@ -52,13 +53,17 @@ _ENGINES_BALANCE = (
     "temp_body_peak",
 )
 # Not the slip's power, of which the torque itself is a part.
-_ADDED = (*_ENGINES_BALANCE, "slip_rate")
+_ADDED = (*_ENGINES_BALANCE, "engine_torque", "slip_rate")
+# A lining that rests takes up moisture, and each engagement polishes it.  How the engine speeds up
+# is no cause of friction, but what follows from it.
+_FRICTION = (*_ADDED, "slip_power", "rest_time", "engagements")
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque": ErrorTerm(
         "torque",
         {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)},
+        covariates=_FRICTION,
         size=10.0,
         unit="%",
     ),
@@ -102,18 +107,18 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     ),
     "zero_position": ErrorTerm(
         "zero_position",
-        {"zero_position_rate": lambda value, g: value + 1e-4 * g},
+        {"zero_position_rate": lambda value, g: value + 3e-4 * g},
         covariates=_WEARS,
         slow=True,
-        size=1e-4,
+        size=3e-4,
         unit="mm/s",
     ),
     "zero_position, worn": ErrorTerm(
         "zero_position",
-        {"wear_per_energy": lambda value, g: value + 0.1 * g},
+        {"wear_per_energy": lambda value, g: value + 0.3 * g},
         covariates=_WEARS_BY_ENERGY,
         slow=True,
-        size=0.1,
+        size=0.3,
         unit="mm/MJ",
     ),
     "sensor:engine_torque": ErrorTerm(

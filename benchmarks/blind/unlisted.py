@@ -1,0 +1,87 @@
+"""Causes by drivers that no list of a model's errors has, and what every near miss declares.
+
+As of ``outsiders``, nothing of the package is imported here.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from blind.outsiders import Floats, Law, Outsider, Readings, Seen
+
+NEAR = 0.1  # s, on both sides, over which a truck speeds up
+
+
+class NearMiss(Outsider):
+    """One that resembles an effect, or one whose place no list has (``listed`` False)."""
+
+    others: ClassVar[tuple[str, ...]] = ()
+    listed: ClassVar[bool] = True
+
+    @classmethod
+    def equations(cls) -> tuple[str, ...]:
+        return (cls.equation, *cls.others)
+
+
+class OilSurge(NearMiss):
+    """Oil surges to the crank as the truck speeds up, and away from it as it brakes."""
+
+    name, equation, drivers = "oil_surge", "engine_speed", ("vehicle_acceleration",)
+    others, listed = ("sensor:engine_torque",), False
+    unit, largest = "Nm", 120.0
+
+    def law(self) -> Law:
+        least = 0.3 + 0.6 * self.phase
+        speed = before = rate = 0.0
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal speed, before, rate
+            since = max(seen["time"] - before, 1e-3)
+            now, before = (seen["vehicle_speed"] - speed) / since, seen["time"]
+            rate += (now - rate) * min(since / NEAR, 1.0)
+            speed = seen["vehicle_speed"]
+            return {"engine_load": self.size * float(np.tanh(rate / least))}
+
+        return act
+
+
+class TiltedGearbox(NearMiss):
+    """The gearbox tilts on its mounts as it drives or brakes the truck, and the position sensor
+    with it."""
+
+    name, equation, drivers = "tilted_gearbox", "sensor:slave_position", ("vehicle_acceleration",)
+    others, listed = ("zero_position",), False
+    unit, largest = "mm", 0.8
+
+    def readings(self, true: Readings) -> Readings:
+        least = 0.3 + 0.6 * self.phase
+
+        def position(t: Floats) -> Floats:
+            speed = true["vehicle_speed"]
+            rate = (speed(t + NEAR) - speed(np.maximum(t - NEAR, 0.0))) / (2.0 * NEAR)
+            return true["slave_position"](t) + self.size * np.tanh(rate / least)
+
+        return {**true, "slave_position": position}
+
+
+class GlazedPatch(NearMiss):
+    """A patch of the lining is glazed: torque swings once with every turn of the disc against the
+    flywheel."""
+
+    name, equation, drivers = "glazed_patch", "torque", ("slip_angle", "slip_speed")
+    others, listed = ("sensor:engine_speed", "engine_speed"), False
+    unit, largest = "1", 0.4
+    pace: ClassVar[float] = 0.005  # s
+
+    def law(self) -> Law:
+        angle, before = 2.0 * np.pi * self.phase, 0.0
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal angle, before
+            angle += seen["slip_speed"] * (seen["time"] - before)
+            before = seen["time"]
+            return {"torque_share": self.size * float(np.sin(angle))}
+
+        return act

@@ -1,0 +1,27 @@
+"""How often surfaces have slid, and after how long a rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchest.inference.covariates import rests
+
+
+def test_a_rest_is_held_while_surfaces_slide():
+    t = np.arange(0.0, 60.0, 0.1)
+    slides = ((t >= 10.0) & (t < 15.0)) | ((t >= 45.0) & (t < 50.0))
+    slides[(t >= 12.0) & (t < 12.3)] = False  # of the slip's sign, no rest
+    rest, engagements = rests(t, slides)
+    first, second = (t > 10.05) & (t < 14.95), (t > 45.05) & (t < 49.95)
+    assert np.all(np.abs(rest[second] - 30.0) < 0.2)
+    assert np.all(rest[first] == rest[second][0])  # it began before the record
+    between = (t > 20.0) & (t < 45.0)
+    assert np.allclose(rest[between], t[between] - 14.9, atol=0.15)
+    assert np.all(engagements[first] == 1.0) and np.all(engagements[second] == 2.0)
+    assert np.all(engagements[t < 9.95] == 0.0)
+
+
+def test_surfaces_that_never_slide_rest():
+    t = np.arange(0.0, 5.0, 0.5)
+    rest, engagements = rests(t, np.zeros(len(t), bool))
+    assert np.array_equal(rest, t) and not engagements.any()
