@@ -211,8 +211,11 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     """The ``errors`` of a search's model without a cause; where they are large, the leading ones as
     fitted in full before all others, and others beside the first are sought where that is."""
     theta, shapes = search.null.fit.theta, search.null.fit.shapes
-    # no equation lets an error come and go within seconds for the sake of being fitted
-    some = [c for c in errors if c.covariate != TIME or len(c.at) < max(FINE_KNOTS)]
+    # no equation lets an error come and go within seconds for the sake of being fitted: over time,
+    # or after each beginning, it stands for any part that is slow or late
+    brief = search.problem.compiled.machine.durations
+    steady = [curve for curve in errors if curve.covariate not in brief]
+    some = [c for c in steady if c.covariate != TIME or len(c.at) < max(FINE_KNOTS)]
     if not some or max(curve.worth for curve in some) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
     starts = _Fits.of(search)
@@ -234,7 +237,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     last = leading[-1].curve.evidence
     others = [
         replace(curve, evidence=min(curve.evidence, last))
-        for curve in errors
+        for curve in steady
         if _key(curve) not in done
     ]
     best, at, fits = leading[0]

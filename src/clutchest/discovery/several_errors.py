@@ -40,6 +40,8 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
     beside all.  Where curves are fitted in full, their order stays."""
     errors, objective, fit, fitted = place
     at = CurvesAt.of(objective, fit)
+    brief = at.problem.compiled.machine.durations if fitted else ()
+    every = [table for table in at.every() if table.covariate not in brief]
     bare = Nuisances(fit, free, objective.prior)
     first = _of_equation(errors, errors[0].equation)
     found = [first if fitted else _likeliest(bare, at, errors)]
@@ -47,7 +49,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
     while len(found) < MOST:
         beside = _beside(bare, columns)
         known = {each[0].equation for each in found}
-        left = [c for c in at.tested(beside, at.every(), SEED) if c.equation not in known]
+        left = [c for c in at.tested(beside, every, SEED) if c.equation not in known]
         if not left or left[0].p_value >= level:
             break
         found.append(_of_equation(left, left[0].equation))
@@ -55,7 +57,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
     if len(found) > 1:
         first, *others = found
         beside = _beside(bare, columns[1:])
-        again = _of_equation(at.tested(beside, at.every(), SEED), first[0].equation)
+        again = _of_equation(at.tested(beside, every, SEED), first[0].equation)
         if not again or again[0].p_value >= level:
             found, columns = others, columns[1:]
     joined = [evidence_joined(bare, each) for each in columns]

@@ -27,7 +27,7 @@ from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
-BEGINNING = 3.0 ** -np.arange(5)  # parts of a duration: more happens at its begin
+BEGINNING = 3.0 ** -np.arange(3)  # parts of a duration: more happens at its begin
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 PAUSE = 0.5  # s, of a rest: what is shorter is noise of the speeds, or a change of the slip's sign
