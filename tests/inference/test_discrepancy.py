@@ -42,6 +42,17 @@ def test_how_probable_a_share_is_of_data_with_fewer_unknowns() -> None:
     np.testing.assert_allclose(np.diff(told), np.diff(exact), rtol=1e-6)
 
 
+def test_unknowns_that_do_nearly_all_that_discrepancies_do_leave_a_probability() -> None:
+    """Where a model is far off, derivatives are huge, and what is left of them is rounding."""
+    rng = np.random.default_rng(10)
+    columns = 1e9 * rng.normal(size=(60, 8))
+    known = columns @ rng.normal(size=(8, 5))
+    table = np.column_stack([rng.normal(size=60), known])
+    shares = np.array([[0.5], [1.0], [2.0]])
+    told = [probability([ScatteredDrive.along(table, [columns])], each) for each in shares]
+    assert np.isfinite(told).all()
+
+
 def test_two_drives_are_judged_as_one_table_of_both() -> None:
     """Drives share no walk: their directions are those of one drive with columns for each."""
     rng = np.random.default_rng(8)

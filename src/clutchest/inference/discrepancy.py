@@ -124,7 +124,8 @@ def probability(drives: Sequence[ScatteredDrive], share: Floats) -> float:
     parts = [drive.scattered(share) for drive in drives]
     known = np.sum([own for own, _ in parts], axis=0)
     spread = sum(wide for _, wide in parts)
-    root = cho_factor(known[1:, 1:] + np.eye(len(known) - 1), lower=True)
-    explained = known[0, 1:] @ cho_solve(root, known[1:, 0])
-    spread += 2.0 * float(np.log(np.diag(root[0])).sum())
+    strength, directions = np.linalg.eigh(known[1:, 1:] + np.eye(len(known) - 1))
+    strength = np.maximum(strength, 1.0)  # less than their prior's is what rounding made of it
+    explained = float(np.sum((known[0, 1:] @ directions) ** 2 / strength))
+    spread += float(np.log(strength).sum())
     return float(-(known[0, 0] - explained + spread) / 2.0)

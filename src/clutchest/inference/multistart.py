@@ -28,8 +28,9 @@ def multistart(
     """The most probable place beyond a threshold, where it is better than the ``fit`` of the
     ``free`` thetas (indices); None where there is none."""
     squares, directions = np.linalg.eigh(curvature(objective, fit, free))
-    std = squares**-0.5
-    ways = [side * along for along in (directions * std).T[std > LOOSE] for side in (-ASIDE, ASIDE)]
+    loose = (squares > 0.0) & (squares < LOOSE**-2.0)  # rounding makes some of the certain negative
+    along = (directions[:, loose] * squares[loose] ** -0.5).T
+    ways = [side * way for way in along for side in (-ASIDE, ASIDE)]
     places = shared(lambda by: _lowest_aside(objective, fit, free, by), ways)
     start = min(places, key=lambda at: at.cost, default=fit)
     if not start.cost < fit.cost:
