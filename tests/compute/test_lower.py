@@ -25,6 +25,7 @@ from clutchest.compute.lower import (
     product as matrix_product,
 )
 from clutchest.compute.step import heun
+from clutchest.errors import ClutchestError
 from clutchest.models.model import Model
 from equations import argument_names, draw, vector
 
@@ -64,6 +65,15 @@ OPERATIONS: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
     "sine": lambda a, b: ca.sin(a),
     "cosine": lambda a, b: ca.cos(a),
     "hyperbolic tangent": lambda a, b: ca.tanh(a),
+    "tangent": lambda a, b: ca.tan(a),
+    "arcs": lambda a, b: ca.asin(a / 4.0) + ca.acos(b / 4.0) + ca.atan(a),
+    "angle": lambda a, b: ca.atan2(a, b),
+    "hyperbolic functions": lambda a, b: ca.sinh(a) + ca.cosh(b),
+    "their inverses": lambda a, b: ca.asinh(a) + ca.acosh(a**2 + 1.0) + ca.atanh(b / 4.0),
+    "logarithm of one more": lambda a, b: ca.log1p(a**2),
+    "error function": lambda a, b: ca.erf(a),
+    "hypotenuse": lambda a, b: ca.hypot(a, b),
+    "next higher whole number": lambda a, b: ca.ceil(3.0 * a),
     "next lower whole number": lambda a, b: ca.floor(3.0 * a),
     "absolute": lambda a, b: ca.fabs(a),
     "sign": lambda a, b: ca.sign(a),
@@ -124,8 +134,8 @@ def test_matrices_vectors_and_a_returned_number() -> None:
 
 def test_an_operation_without_a_name_is_refused() -> None:
     x = ca.SX.sym("x")
-    with pytest.raises(NotImplementedError, match="slope: CasADi operation"):
-        lower("slope", {"x": x}, {"y": ca.atan2(x, 2.0)})
+    with pytest.raises(ClutchestError, match=r"CasADi's fmod, which .* there are .*, atan2, "):
+        lower("slope", {"x": x}, {"y": ca.fmod(x, 2.0)})
 
 
 # --- a whole model ---

@@ -14,7 +14,8 @@ from clutchest.generated import named, text_of
 from clutchest.models.model import Model
 
 _HEADER = '''"""Generated; do not edit."""
-from math import ceil, cos, exp, expm1, inf, log, nan, pi, sin, sqrt, tanh
+from math import acos, acosh, asin, asinh, atan, atanh, ceil, cos, cosh, erf, exp, expm1, inf
+from math import log, log1p, nan, pi, sin, sinh, sqrt, tan, tanh
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,6 +4,8 @@ expression, and both sides are known when it chooses, so that the machine code n
 Truth is 1.0 and 0.0, as CasADi has it.
 """
 
+from math import atan, pi
+
 from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
@@ -49,6 +51,16 @@ def either(a, b):
 def sign(a):
     """−1, 0 or 1."""
     return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
+
+
+@compiled
+def angle(y, x):
+    """Of a point in the plane, from −π to π."""
+    if x > 0.0:
+        return atan(y / x)
+    if x < 0.0:
+        return atan(y / x) + (pi if y >= 0.0 else -pi)
+    return pi / 2.0 * sign(y)
 
 
 @compiled

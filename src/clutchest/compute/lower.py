@@ -6,6 +6,8 @@ from collections import Counter
 
 import casadi as ca
 
+from clutchest.errors import ClutchestError
+
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@compiled"
 _APART = "@compiled(apart=True)"
@@ -32,7 +34,21 @@ _CALLS = {
     ca.OP_TWICE: "2.0 * {0}",
     ca.OP_SIN: "sin({0})",
     ca.OP_COS: "cos({0})",
+    ca.OP_TAN: "tan({0})",
+    ca.OP_ASIN: "asin({0})",
+    ca.OP_ACOS: "acos({0})",
+    ca.OP_ATAN: "atan({0})",
+    ca.OP_ATAN2: "angle({0}, {1})",
+    ca.OP_SINH: "sinh({0})",
+    ca.OP_COSH: "cosh({0})",
     ca.OP_TANH: "tanh({0})",
+    ca.OP_ASINH: "asinh({0})",
+    ca.OP_ACOSH: "acosh({0})",
+    ca.OP_ATANH: "atanh({0})",
+    ca.OP_LOG1P: "log1p({0})",
+    ca.OP_ERF: "erf({0})",
+    ca.OP_HYPOT: "sqrt({0} * {0} + {1} * {1})",
+    ca.OP_CEIL: "np.ceil({0})",
     ca.OP_FLOOR: "np.floor({0})",
     ca.OP_INV: "1.0 / {0}",
     ca.OP_FABS: "abs({0})",
@@ -61,7 +77,7 @@ def lower(
 
     Only structurally nonzero entries are written: the caller's arrays start as zeros.  An output
     that is a column vector becomes a one-dimensional array.  ``returned`` names a scalar output
-    that is returned instead.  Raises NotImplementedError for an operation that has no name here.
+    that is returned instead.  Raises ClutchestError for an operation that has no form here.
     """
     function = ca.Function(name, list(inputs.values()), list(outputs.values()), {"cse": True})
     targets = list(outputs)
@@ -128,10 +144,19 @@ def _values(
         elif op in _CALLS:
             value = (_CALLS[op], tuple(slots[i] for i in of))
         else:
-            raise NotImplementedError(f"{name}: CasADi operation {op} has no form here")
+            raise ClutchestError(
+                f"the equations use CasADi's {_named(op)}, which cannot be compiled; there are "
+                f"{', '.join(sorted(map(_named, _CALLS)))}"
+            )
         slots[into[0]] = len(values)
         values.append(value)
     return values, written
+
+
+def _named(op: int) -> str:
+    """What CasADi calls an operation."""
+    (name,) = (n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == op)
+    return name.removeprefix("OP_").lower()
 
 
 def product(name: str, matrix: ca.SX) -> str:

@@ -38,6 +38,10 @@ _COMPARED: dict[type, tuple[str, str, Callable[[Any, Any], bool]]] = {
     ast.Gt: ("ogt", "sgt", operator.gt),
     ast.GtE: ("oge", "sge", operator.ge),
 }
+OF_C = (
+    *("tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+    *("expm1", "log1p", "erf"),
+)
 # functions of one float: of LLVM, or of the C library
 FUNCTIONS: dict[Any, str] = {
     math.exp: "llvm.exp.f64",
@@ -45,12 +49,12 @@ FUNCTIONS: dict[Any, str] = {
     math.sin: "llvm.sin.f64",
     math.cos: "llvm.cos.f64",
     math.sqrt: "llvm.sqrt.f64",
-    math.tanh: "tanh",
-    math.expm1: "expm1",
+    **{getattr(math, name): name for name in OF_C},
     np.exp: "llvm.exp.f64",
     np.log: "llvm.log.f64",
     np.sqrt: "llvm.sqrt.f64",
     np.floor: "llvm.floor.f64",
+    np.ceil: "llvm.ceil.f64",
 }
 
 

@@ -15,10 +15,13 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
+from clutchest.native.arithmetic import OF_C
+
 OLDEST = 20  # of LLVM, whose text is written here
 LEVEL = 2
 OBJECT_HEAD = object.__basicsize__  # bytes before what is an object's own
-_NEEDED = ("exp", "expm1", "log", "pow", "sin", "cos", "tanh", "floor", "ceil", "memset", "memcpy")
+_OF_LLVM = ("exp", "log", "pow", "sin", "cos", "floor", "ceil", "memset", "memcpy")
+_NEEDED = (*_OF_LLVM, *OF_C)
 
 
 def works() -> bool:
