@@ -34,7 +34,7 @@ from clutchest.signals import Floats
 LARGE = 100.0  # of a curve's worth: from here on, the first order is not exact
 AS_LIKELY = 0.25  # of the leading curve's evidence: others that have less are not fitted
 HALF = 0.5  # of the evidence of the term that is likeliest in full: further drivers are fitted
-LEADERS, DRIVERS, FINEST = 4, 3, 3  # curves that are fitted: of all, more of a term, finely
+LEADERS, DRIVERS, FINEST = 4, 5, 3  # curves that are fitted: of all, more of a term, finely
 FINE = 12  # knots of a curve that bends more closely
 WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most

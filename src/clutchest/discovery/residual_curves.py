@@ -147,9 +147,12 @@ class CurvesAt:
         return self.objective.problem
 
     def varying(self) -> list[str]:
-        """Names of the covariates that every drive has, and that vary in one."""
+        """Names of the covariates that every drive has, and that vary in one; slopes of readings,
+        which hold their noise, only where an error term lists them."""
         drives = zip(self.problem.drives, self.fit.implied, strict=True)
         still = set.intersection(*(at_rest(*each) for each in drives))
+        terms = self.problem.compiled.machine.error_terms.values()
+        still |= set(self.problem.compiled.model.slopes).difference(*(t.covariates for t in terms))
         first = self.values[0]
         return [n for n in first if n not in still and all(n in v for v in self.values)]
 
