@@ -56,7 +56,11 @@ def covariates(
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
     series |= {name: np.mod(series[of], TURN) for name, of in machine.turns.items()}
-    series |= {n: _duration(line.t, series[of] > 0.0) for n, of in machine.durations.items()}
+    series |= {
+        name: _duration(line.t, series[of] > 0.0)
+        for name, of in machine.durations.items()
+        if of in series  # not every model of the machine has each quantity
+    }
     series[ENERGY] = np.cumsum(power * spans)
     series[REST], series[ENGAGEMENTS] = rests(line.t, drive.tracked.act)
     series[TIME] = line.t
