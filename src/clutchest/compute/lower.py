@@ -84,7 +84,7 @@ def lower(
     places = [
         list(zip(*function.sparsity_out(i).get_triplet(), strict=True)) for i in range(len(targets))
     ]
-    values, written = _values(name, function, list(inputs))
+    values, written = _values(function, list(inputs))
     uses = Counter(of for _, _, of in written)
     for template, operands in values:
         for i, of in enumerate(operands):
@@ -114,7 +114,7 @@ def lower(
 
 
 def _values(
-    name: str, function: ca.Function, arrays: list[str]
+    function: ca.Function, arrays: list[str]
 ) -> tuple[list[tuple[str, tuple[int, ...]]], list[tuple[int, int, int]]]:
     """Every value the function makes, as (template, numbers of its operands), and what is written:
     (output, place in it, number of the value).  CasADi re-uses work slots; here each value has

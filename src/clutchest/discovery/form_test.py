@@ -25,7 +25,7 @@ from clutchest.discovery.residual_curves import (
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import CLOSE, Search
-from clutchest.inference.covariates import hats, knots
+from clutchest.inference.covariates import hats
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
 from clutchest.inference.white_linearisation import Linearisation
@@ -246,10 +246,8 @@ def _functions(at: CurvesAt, term: Standin | None, known: Sequence[str]) -> list
     if term is None:
         return []
     acts, found = _acts(at.problem), list[str]()
-    machine = at.problem.compiled.machine
     for name in known:
-        values = [v[name] for v in at.values]
-        bends = knots(machine, name, np.concatenate(values), np.concatenate(acts))
+        values, bends = [v[name] for v in at.values], at.bends(name)
         share = term.over(values, acts, bends[0]) if bends else None
         if share is not None and np.ptp(share) > CONSTANT * np.abs(share).max():
             found.append(name)
@@ -261,8 +259,7 @@ def _over(at: CurvesAt, cause: CandidateCause, term: Standin | None, name: str) 
     none where the covariate does not vary, or the cause does nothing."""
     problem, size = at.problem, float(at.fit.theta[cause.index])
     values, acts = [v[name] for v in at.values], _acts(problem)
-    machine = problem.compiled.machine
-    found = knots(machine, name, np.concatenate(values), np.concatenate(acts))
+    found = at.bends(name)
     if not found or size == 0.0:
         return []
     equation = cause.effect.equation

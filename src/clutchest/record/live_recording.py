@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,8 @@ class LiveRecording:
                 self.write()
         finally:
             if not self._failed:
-                self._stream.disconnect()
+                with suppress(RuntimeError):
+                    self._stream.disconnect()
             if self._viewer is not None:
                 self._viewer.close()
 
