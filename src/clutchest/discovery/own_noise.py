@@ -19,6 +19,7 @@ from clutchest.discovery.candidate_scores import by_shapes, columns, scored, spa
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.search import LEADERS, LEVEL, Search, free_of
 from clutchest.inference.concurrent_fits import concurrently
+from clutchest.inference.estimated_noise import LONGEST
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import TURNS, improve, settle, step
 from clutchest.inference.noise_model import NoiseModel
@@ -37,11 +38,12 @@ Settled = tuple[float, Objective, Linearisation]
 
 
 def with_noise_of_likeliest(search: Search) -> Search:
-    """The search with the noise model of the likeliest cause, where one is far likelier than none,
-    what the model without a cause leaves is no noise of the stated level, and yet no score is
-    significant; else as it is."""
+    """The search with the noise model of the likeliest cause, where one is far likelier than none
+    and what the model without a cause leaves is no noise of the stated level; else as it is, and
+    where of a record so long that its noise is known well a score is significant."""
+    known = sum(len(drive.readings.t) for drive in search.problem.drives) > LONGEST
     significant = search.null_scores.least_p <= LEVEL
-    if significant or not loud(search.null.fit, search.objective):
+    if (known and significant) or not loud(search.null.fit, search.objective):
         return search
     begin = _as_loud(search)
     likely = _likely_by_first_order(search, begin)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.noise_model import NoiseModel, Stretches, sums
+from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.score_test import Projection, ScoreTest
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
@@ -57,6 +57,8 @@ class EstimatedNoise:
         """What it is likely to be, where unknowns by which the innovations ``r`` (K) have these
         derivatives ``psi`` (K, m), both white, took their share, of prior variance 1."""
         rng = np.random.default_rng(len(self.stretches))
+        counts = np.repeat([1.0, 1.0, -1.0], [1, DRAWS_OF_MODEL, DRAWS_OF_MODEL])
+        counts[1:] /= DRAWS_OF_MODEL
         white = rng.standard_normal((len(r), DRAWS_OF_MODEL))
         noise, known = self, self.coloured(np.column_stack([r, psi]))
         for _ in range(TURNS):
@@ -64,21 +66,15 @@ class EstimatedNoise:
             r, psi = whole[:, [0, *range(-DRAWS_OF_MODEL, 0)]], whole[:, 1:-DRAWS_OF_MODEL]
             inner = psi.T @ psi + np.eye(psi.shape[1])
             rest = r - psi @ np.linalg.solve(inner, psi.T @ r)
-            left, count = noise._sums(rest[:, 0])
-            drawn, _ = noise._sums(white)
-            kept, _ = noise._sums(rest[:, 1:])
-            model = NoiseModel.of_sums(noise.model.groups, left + drawn - kept, count)
+            columns = noise.coloured(np.column_stack([rest[:, 0], white, rest[:, 1:]]))
+            parts = np.split(columns, self._edges)
+            model = NoiseModel.of_columns(self.stretches, parts, counts)
             noise = replace(noise, model=model)
         return noise
 
     def estimated(self, rest: Floats) -> NoiseModel:
         """The model of what is left (K) of noise."""
         return NoiseModel.fit(self.stretches, np.split(rest, self._edges))
-
-    def _sums(self, white: Floats) -> tuple[Floats, Floats]:
-        """Of noise whose innovations are ``white`` (K, …), what a model is made of; see
-        :func:`~clutchest.inference.noise_model.sums`."""
-        return sums(self.stretches, np.split(self.coloured(white), self._edges))
 
     @property
     def _edges(self) -> NDArray[np.int64]:

@@ -19,6 +19,7 @@ from clutchest.signals import Floats
 ORDER = 12  # longest memory tried, samples
 FEWEST = 60  # readings from which a model is made; below, white with the sensor's own level
 TAIL = 5.0  # standard deviations
+SLOWEST = 0.999  # reflection coefficient
 GAP = 3.0  # sample periods; a longer gap begins a new stretch
 
 
@@ -77,23 +78,38 @@ class NoiseModel:
     def fit(
         cls, stretches: Sequence[Stretches], residuals: Sequence[Floats], longest: int = ORDER
     ) -> NoiseModel:
-        """From what is left of innovations (K) of each drive, by Levinson's recursion on their
-        autocovariances; as much memory as Akaike's criterion allows, the ``longest`` at most:
-        white with 0."""
+        """From what is left of innovations (K) of each drive; as much memory as Akaike's criterion
+        allows, the ``longest`` at most: white with 0."""
         tamed = [_tamed(e, s.group) for s, e in zip(stretches, residuals, strict=True)]
-        groups = np.unique(np.concatenate([s.group for s in stretches]))
-        return cls.of_sums(groups, *sums(stretches, tamed), longest)
+        return cls.of_columns(stretches, [e[:, None] for e in tamed], np.ones(1), longest)
 
     @classmethod
-    def of_sums(
-        cls, groups: NDArray[np.int64], lagged: Floats, count: Floats, longest: int = ORDER
+    def of_columns(
+        cls,
+        stretches: Sequence[Stretches],
+        columns: Sequence[Floats],
+        counts: Floats,
+        longest: int = ORDER,
     ) -> NoiseModel:
-        """From ``lagged`` (G, ORDER + 1) sums of products and the ``count`` (G) of residuals."""
-        weights = np.zeros((len(groups), ORDER + 1, ORDER))
-        level = np.ones((len(groups), ORDER + 1))
-        for i, n in enumerate(count):
-            order = longest if n >= FEWEST else 0
-            weights[i], level[i] = _levinson(lagged[i] / max(n, 1), order, int(n))
+        """From columns (K, D) of each drive, each of which ``counts`` (D) so many times; a column
+        that is taken away counts less than 0.
+
+        By Burg's method over all stretches of a group (S. de Waele, P. Broersen, The Burg algorithm
+        for segments, IEEE Trans. Signal Processing 48, 2000): a product counts against the squares
+        of the same two.  Against those of all readings, of which the first of a stretch have no
+        partner, slow noise seems less slow than it is, and what is left of it louder.
+        """
+        own = np.concatenate([s.group for s in stretches])
+        groups, of = np.unique(own, return_inverse=True)
+        place = np.concatenate([s.place for s in stretches])
+        forward = np.concatenate(columns).astype(np.float64)
+        shape = len(groups), ORDER + 1
+        power, pairs, reflection = np.zeros(len(groups)), np.zeros(shape), np.zeros(shape)
+        _burg(forward, forward.copy(), of, place, counts, power, pairs, reflection)
+        weights, level = np.zeros((*shape, ORDER)), np.ones(shape)
+        for i, own_pairs in enumerate(pairs):
+            order = longest if own_pairs[0] >= FEWEST else 0
+            weights[i], level[i] = _predictions(power[i], own_pairs, reflection[i], order)
         return cls(groups, weights, level)
 
     def whiten(self, s: Stretches, values: Floats) -> Floats:
@@ -134,49 +150,68 @@ def _tamed(e: Floats, group: NDArray[np.int64]) -> Floats:
     return near
 
 
-def sums(stretches: Sequence[Stretches], errors: Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Of ``errors`` (K) or several columns of them (K, D), in their mean: Σ e_k e_{k−lag} within
-    the stretches of each group, lags 0…ORDER (G, ORDER + 1), and the number of readings (G)."""
-    groups = np.unique(np.concatenate([s.group for s in stretches]))
-    lagged, count = np.zeros((len(groups), ORDER + 1)), np.zeros(len(groups))
-    for s, e in zip(stretches, errors, strict=True):
-        of = np.searchsorted(groups, s.group)
-        table = np.ascontiguousarray(e, np.float64).reshape(len(e), prod(e.shape[1:]))
-        count += np.bincount(of, minlength=len(groups))
-        own = np.zeros_like(lagged)
-        _lagged(table, of, s.place, own)
-        lagged += own / table.shape[1]
-    return lagged, count
-
-
-def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Floats]:
-    """Predictions of every order up to the best, and their standard deviations."""
-    weights, variance = np.zeros((ORDER + 1, ORDER)), np.zeros(ORDER + 1)
-    variance[:] = max(covariance[0], 1e-12)
-    if covariance[0] <= 0.0:
+def _predictions(
+    power: float, pairs: Floats, reflection: Floats, longest: int
+) -> tuple[Floats, Floats]:
+    """Predictions of every order up to the best, and their standard deviations, by Levinson's
+    recursion: of noise of this ``power``, with a ``reflection`` (ORDER + 1) of every order, known
+    from so many ``pairs`` (ORDER + 1)."""
+    weights, variance = np.zeros((ORDER + 1, ORDER)), np.full(ORDER + 1, max(power, 1e-12))
+    if power <= 0.0:
         return weights, np.ones(ORDER + 1)
-    a = np.zeros(0)
+    a, criterion = np.zeros(0), np.zeros(longest + 1)
     for q in range(1, longest + 1):
-        reflection = (covariance[q] - a @ covariance[q - 1 : 0 : -1]) / variance[q - 1]
-        reflection = float(np.clip(reflection, -0.999, 0.999))
-        a = np.append(a - reflection * a[::-1], reflection)
+        a = np.append(a - reflection[q] * a[::-1], reflection[q])
         weights[q, :q] = a
-        variance[q] = variance[q - 1] * (1.0 - reflection**2)
-    criterion = count * np.log(variance[: longest + 1]) + 2.0 * np.arange(longest + 1)
+        variance[q] = variance[q - 1] * (1.0 - reflection[q] ** 2)
+        known = pairs[q] if pairs[q] >= FEWEST / 2 else 0.0
+        criterion[q] = criterion[q - 1] + known * np.log(1.0 - reflection[q] ** 2) + 2.0
     best = int(np.argmin(criterion))
     weights[best:], variance[best:] = weights[best], variance[best]
     return weights, np.sqrt(variance)
 
 
 @compiled
-def _lagged(errors: Floats, of: NDArray, place: NDArray, lagged: Floats) -> None:
-    longest = lagged.shape[1] - 1
-    for k in range(len(errors)):
-        for lag in range(min(place[k], longest) + 1):
-            total = 0.0
-            for c in range(errors.shape[1]):
-                total += errors[k, c] * errors[k - lag, c]
-            lagged[of[k], lag] += total
+def _burg(
+    forward: Floats,
+    backward: Floats,
+    of: NDArray,
+    place: NDArray,
+    counts: Floats,
+    power: Floats,
+    pairs: Floats,
+    reflection: Floats,
+) -> None:
+    """The mean square ``power`` (G) of readings, both of which ``forward`` and ``backward`` (K, D)
+    begin as, the reflection coefficients (G, ORDER + 1) of every order, and of how many ``pairs``
+    each is; ``forward`` and ``backward`` end as what the last order leaves."""
+    for k in range(len(of)):
+        pairs[of[k], 0] += 1.0
+        for c in range(forward.shape[1]):
+            power[of[k]] += counts[c] * forward[k, c] ** 2
+    for g in range(len(power)):
+        power[g] /= max(pairs[g, 0], 1.0)
+    for q in range(1, pairs.shape[1]):
+        square = np.zeros(len(power))
+        for k in range(len(of)):
+            if place[k] >= q:
+                pairs[of[k], q] += 1.0
+                for c in range(forward.shape[1]):
+                    now, before = forward[k, c], backward[k - 1, c]
+                    reflection[of[k], q] += counts[c] * now * before
+                    square[of[k]] += counts[c] * (now**2 + before**2) / 2.0
+        for g in range(len(square)):
+            if square[g] > 0.0:
+                reflection[g, q] = min(max(reflection[g, q] / square[g], -SLOWEST), SLOWEST)
+            else:
+                reflection[g, q] = 0.0
+        for k in range(len(of) - 1, -1, -1):  # those before stand as they were
+            if place[k] >= q:
+                r = reflection[of[k], q]
+                for c in range(forward.shape[1]):
+                    now, before = forward[k, c], backward[k - 1, c]
+                    forward[k, c] = now - r * before
+                    backward[k, c] = before - r * now
 
 
 @compiled
