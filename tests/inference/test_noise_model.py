@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from clutchest.inference.noise_model import FEWEST, GAP, ORDER, NoiseModel, Stretches, sums
+from clutchest.inference.noise_model import FEWEST, GAP, ORDER, NoiseModel, Stretches
 from clutchest.signals import Floats
 
 FIRST, SECOND = 1.2, -0.4  # x_k = FIRST x_{k−1} + SECOND x_{k−2} + e_k
@@ -189,15 +189,50 @@ def test_a_record_without_readings_has_no_noise():
     assert not len(NoiseModel.fit([nothing], [np.zeros(0)]).groups)
 
 
-def test_lagged_products_are_taken_within_stretches_in_the_mean_of_columns():
-    """Two drives with two sensors each, and a hole in one."""
+def test_a_product_counts_against_the_squares_of_the_same_two():
+    """Two drives with two sensors each, and a hole in one: order 1 by hand, and all readings for
+    the power."""
     rng = np.random.default_rng(11)
-    time = np.concatenate([np.arange(30), np.arange(40, 60), np.arange(25)]) * PERIOD
-    drive = Stretches.of(time, np.repeat([0, 1], [50, 25]), np.zeros(75, np.int64))
-    errors = [rng.standard_normal((75, 4)), rng.standard_normal((75, 4))]
-    lagged, count = sums([drive, drive], errors)
-    np.testing.assert_array_equal(count, [100, 50])
-    for i, stretches in enumerate([[(0, 30), (30, 50)], [(50, 75)]]):
-        for lag in range(ORDER + 1):
-            parts = [e[a + lag : b] * e[a : b - lag] for e in errors for a, b in stretches]
-            assert lagged[i, lag] == pytest.approx(np.concatenate(parts).sum() / 4)
+    time = np.concatenate([np.arange(90), np.arange(100, 140), np.arange(75)]) * PERIOD
+    drive = Stretches.of(time, np.repeat([0, 1], [130, 75]), np.zeros(205, np.int64))
+    errors = [np.cumsum(rng.standard_normal((205, 3)), axis=0) for _ in range(2)]
+    model = NoiseModel.of_columns([drive, drive], errors, np.full(3, 1.0 / 3.0))
+    for i, parts in enumerate([[(0, 90), (90, 130)], [(130, 205)]]):
+        own = [e[a:b] for e in errors for a, b in parts]
+        products = sum(np.sum(e[1:] * e[:-1]) for e in own)
+        squares = sum(np.sum(e[1:] ** 2 + e[:-1] ** 2) / 2.0 for e in own)
+        power = sum(np.sum(e**2) for e in own) / sum(e.size for e in own)
+        assert model.weights[i, 1, 0] == pytest.approx(products / squares)
+        assert model.level[i, 0] == pytest.approx(np.sqrt(power))
+
+
+def test_a_column_taken_away_again_leaves_the_model_as_it_was():
+    rng, n = np.random.default_rng(12), 300
+    one_column, other = ar2(n, rng)[:, None], np.cumsum(rng.standard_normal((n, 1)), axis=0)
+    model = NoiseModel.of_columns([one(n)], [one_column], np.ones(1))
+    three = np.column_stack([one_column, other, other])
+    same = NoiseModel.of_columns([one(n)], [three], np.array([1.0, 2.0, -2.0]))
+    np.testing.assert_allclose(same.weights, model.weights, atol=1e-9)
+    np.testing.assert_allclose(same.level, model.level)
+
+
+@pytest.mark.parametrize(("stretches", "length"), [(6, 150), (15, 40), (60, 15)])
+@pytest.mark.parametrize("taps", [(np.exp(-1.0 / 60.0),), (1.6, -0.9, 0.285), (1.9, -0.905)])
+def test_slow_noise_in_short_stretches(stretches, length, taps):
+    """In 20 records each, whose memory is longer than many a stretch: what is left of
+    others of the same noise is white, and as loud as it should be."""
+    cut = Stretches(np.zeros(stretches * length, np.int64), np.tile(np.arange(length), stretches))
+    inside, slow, squares, bias = cut.place >= len(taps), [], [], []
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal((2, stretches, length + 2000))
+        learned, other = lfilter([1.0], [1.0, *-np.array(taps)], noise)[..., 2000:]
+        model = NoiseModel.fit([cut], [learned.ravel()])
+        white = model.whiten(cut, other.ravel())
+        squares.append(np.mean(white[inside] ** 2))
+        of_stretches = white.reshape(stretches, length)[:, len(taps) :]
+        slow.append(np.mean(of_stretches.sum(axis=1) ** 2) / of_stretches.shape[1])
+        bias.append(model.weights[0, ORDER].sum() - sum(taps))
+        assert np.abs(np.roots([1.0, *-model.weights[0, ORDER]])).max() < 1.0, "stable"
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(slow) < 1.3
+    assert abs(np.mean(bias)) < 0.003
