@@ -1,4 +1,4 @@
-"""Memory-mapped arrays: those as long as a log, in files beyond the first 64 MiB.
+"""Memory-mapped arrays: those as long as a log, in files beyond the first 128 MiB.
 
 Such an array is used like any other.  :func:`release_memory` frees the memory of all of them;
 values are then read from the file when needed.  Where the system cannot reserve disk space, which
@@ -21,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from clutchest.cache import cache_folder
 
 LEAST = 1 << 18  # bytes; smaller arrays stay in memory
-HELD = 64 << 20  # bytes of larger ones that stay there too: short drives need no files
+HELD = 128 << 20  # bytes of larger ones that stay there too: an hour needs no files
 SEGMENT = 64 << 20  # bytes of one file
 PORTION = 1 << 17  # rows that are processed together
 

@@ -28,7 +28,6 @@ from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.made_ahead import made_ahead
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.run import Run, Track
-from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
@@ -199,6 +198,8 @@ def _whole(
     progress: Progress | None,
 ) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive at once, since a smoother goes back over all of it."""
+    from clutchest.estimate.smooth import smoothed  # not loaded by those who do without
+
     usable = signals.available
     compiled = compile_model(vehicle, vehicle.machine.equations(usable), progress=progress)
     even = evenly_late(signals, vehicle)

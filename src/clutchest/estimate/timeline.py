@@ -285,9 +285,12 @@ def _inputs(
 
 
 def _among(values: Floats, some: Floats) -> NDArray[np.bool_]:
-    """Which of ``values`` (n) are among the ascending ``some``, at least one."""
-    place = np.minimum(np.searchsorted(some, values), len(some) - 1)
-    return np.asarray(some[place] == values)
+    """Which of the ascending ``values`` (n), each there once, are among ``some``."""
+    place, among = np.searchsorted(values, some), np.zeros(len(values), bool)
+    inside = place < len(values)
+    place, some = place[inside], some[inside]
+    among[place[values[place] == some]] = True
+    return among
 
 
 def _over_intervals(

@@ -19,6 +19,7 @@ from clutchest.native.arithmetic import OF_C
 
 OLDEST = 20  # of LLVM, whose text is written here
 LEVEL = 2
+INLINED = 75  # cost up to which LLVM inlines by itself: of more, a reader takes twice as long
 OBJECT_HEAD = object.__basicsize__  # bytes before what is an object's own
 _OF_LLVM = ("exp", "log", "pow", "sin", "cos", "floor", "ceil", "memset", "memcpy")
 _NEEDED = (*_OF_LLVM, *OF_C)
@@ -84,6 +85,7 @@ def machine_code(text: str) -> bytes:
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     tuning = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
     tuning.loop_vectorization = True
+    tuning.inlining_threshold = INLINED
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     code: bytes = machine.emit_object(module)

@@ -21,8 +21,7 @@ from clutchest.record.diagnosis_report import (
     headline,
     separability,
 )
-from clutchest.record.files import finished_into, json_text
-from clutchest.record.html_reports import NAME as REPORT
+from clutchest.record.files import REPORT, finished_into, json_text
 from clutchest.record.html_reports import diagnosis_page
 from clutchest.record.terminal import print_warnings
 from clutchest.shown import with_unit

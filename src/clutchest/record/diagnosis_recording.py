@@ -15,6 +15,7 @@ from clutchest.estimate.run import Run
 from clutchest.estimate.whole_log import present_effects
 from clutchest.models.model import POWER
 from clutchest.record.diagnosis_report import details, freeze_frame, headline
+from clutchest.record.series import send_lane
 
 COLOURS = {"passed": 0x2F5D50FF, "failed": 0xE4572EFF}
 STUCK = "stuck"  # kind of a fault, before the signal's name
@@ -40,6 +41,23 @@ def without_what_rests_on_faults(diagnosis: Diagnosis) -> Run:
         still = (time < fault.began_s) | (time > end)
         tracks[fault.drive] = valid_where(tracks[fault.drive], still, names)
     return replace(run, tracks=tuple(tracks))
+
+
+def send_faults(
+    stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[float]
+) -> list[str]:
+    """A lane per monitor, the log of faults, and their freeze frames."""
+    shown = []
+    for name, drives in lanes_of(diagnosis).items():
+        changes = [
+            (start + time, word)
+            for start, drive in zip(starts, drives, strict=True)
+            for time, word in drive
+        ]
+        send_lane(stream, entity(name), changes, COLOURS)
+        shown.append(entity(name))
+    send_log(stream, diagnosis, starts)
+    return shown
 
 
 def lanes_of(diagnosis: Diagnosis) -> dict[str, tuple[tuple[tuple[float, str], ...], ...]]:

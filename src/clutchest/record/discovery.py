@@ -9,8 +9,7 @@ from clutchest.discovery.result import Discovery
 from clutchest.extras import installed
 from clutchest.paths import readable
 from clutchest.record.discovery_report import report, title
-from clutchest.record.files import finished_into, json_text
-from clutchest.record.html_reports import NAME as REPORT
+from clutchest.record.files import REPORT, finished_into, json_text
 from clutchest.record.html_reports import discovery_page
 from clutchest.vehicle import dump_vehicle
 from clutchest.vehicle.trust import trust_written

@@ -24,7 +24,7 @@ from clutchest.extras import installed
 from clutchest.paths import named_in_utf8, readable
 from clutchest.reading.table_formats import write_table
 
-INNOVATIONS = "innovations.parquet"
+INNOVATIONS, REPORT = "innovations.parquet", "report.html"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
 _FINISHED = ".finished-"  # likewise: every file is complete, and is moving into its place
 _PORTION = 25_000  # rows of a table that are written together
@@ -54,8 +54,6 @@ def write_run(
     refuses.
     """
     from clutchest.record.arrow import without_pandas
-    from clutchest.record.html_reports import NAME as REPORT
-    from clutchest.record.html_reports import run_page
 
     out = Path(out)
     with finished_into(out) as folder:
@@ -70,6 +68,8 @@ def write_run(
             if innovations:
                 _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
         if report:
+            from clutchest.record.html_reports import run_page
+
             (folder / REPORT).write_text(readable(run_page(run)), encoding="utf-8")
         for suffix in formats:
             write_table(run.to_pandas(), folder / f"estimates.{suffix}")

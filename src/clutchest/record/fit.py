@@ -6,8 +6,7 @@ from pathlib import Path
 
 from clutchest.identify.fit import Fit
 from clutchest.paths import readable
-from clutchest.record.files import finished_into, json_text
-from clutchest.record.html_reports import NAME as REPORT
+from clutchest.record.files import REPORT, finished_into, json_text
 from clutchest.record.html_reports import fit_page
 from clutchest.vehicle.trust import trust_written
 

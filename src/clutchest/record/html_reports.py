@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from clutchest.identify.fit import Fit
     from clutchest.vehicle import Vehicle
 
-NAME = "report.html"
 PANELS = 6  # of estimates in a picture, at most: as many as are legible on a printed page
 DRAWN = 4  # drives whose estimates are drawn
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
 
-from clutchest.diagnosis.result import Diagnosis
 from clutchest.estimate.run import Run
 from clutchest.record.blueprint import (
     BOUND,
@@ -25,13 +25,6 @@ from clutchest.record.blueprint import (
     blueprint,
     opening,
     panel,
-)
-from clutchest.record.diagnosis_recording import COLOURS as FAULT_COLOURS
-from clutchest.record.diagnosis_recording import (
-    entity,
-    lanes_of,
-    send_log,
-    without_what_rests_on_faults,
 )
 from clutchest.record.quantities import (
     OUTPUTS,
@@ -50,6 +43,9 @@ from clutchest.record.series import (
     strung,
 )
 from clutchest.record.tracking import FIGURES
+
+if TYPE_CHECKING:
+    from clutchest.diagnosis.result import Diagnosis
 
 
 def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
@@ -74,12 +70,15 @@ def send_run(stream: rr.RecordingStream, run: Run, diagnosis: Diagnosis | None =
     starts, end = _starts(run)
     _send_properties(stream, run, starts)
     signals = _send_signals(stream, run, starts)
-    known = run if diagnosis is None else without_what_rests_on_faults(diagnosis)
+    known, faults = run, []
+    if diagnosis is not None:
+        from clutchest.record.diagnosis_recording import send_faults, without_what_rests_on_faults
+
+        known = without_what_rests_on_faults(diagnosis)
+        faults = send_faults(stream, diagnosis, starts)
     states = _send_states(stream, known, starts)
     residuals = _send_residuals(stream, run, starts)
-    lanes = _send_lanes(stream, run, starts)
-    if diagnosis is not None:
-        lanes += _send_faults(stream, diagnosis, starts)
+    lanes = _send_lanes(stream, run, starts) + faults
     stream.log(
         "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
     )
@@ -376,20 +375,3 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
         return ["mode"]
     send_lane(stream, "drive", drives, {})
     return ["mode", "drive"]
-
-
-def _send_faults(
-    stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[float]
-) -> list[str]:
-    """A lane per monitor, the log of faults, and their freeze frames."""
-    shown = []
-    for name, drives in lanes_of(diagnosis).items():
-        changes = [
-            (start + time, word)
-            for start, drive in zip(starts, drives, strict=True)
-            for time, word in drive
-        ]
-        send_lane(stream, entity(name), changes, FAULT_COLOURS)
-        shown.append(entity(name))
-    send_log(stream, diagnosis, starts)
-    return shown
