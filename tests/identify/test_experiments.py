@@ -9,8 +9,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.stats import chi2
-from typer.testing import CliRunner
 
 import clutchest
 from clutchest.cli import app

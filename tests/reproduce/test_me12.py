@@ -6,8 +6,8 @@ import json
 from dataclasses import replace
 
 import pytest
+from click.testing import CliRunner
 from matplotlib.image import imread
-from typer.testing import CliRunner
 
 from clutchest.cli import app
 from clutchest.errors import ClutchestError

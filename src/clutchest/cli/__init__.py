@@ -9,9 +9,8 @@ import atexit
 import gc
 import os
 import sys
-from typing import Annotated
 
-import typer
+import click
 
 from clutchest import __version__
 from clutchest.cli.convert import convert
@@ -30,22 +29,14 @@ from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import WithScenarios, simulate
 from clutchest.cli.terminal import fail, hush, printable, unexpected
 from clutchest.cli.trust import trust
-from clutchest.cli.verb import Verb
+from clutchest.cli.verb import Verb, Verbs
 from clutchest.errors import ClutchestError
 from clutchest.extras import EXTRAS, missing
 
 _SWITCH_S = 5e-4  # compiled code that has ended waits no longer for a thread that runs Python
 _OBJECTS = 200_000  # made before Python searches for circles among them: in vain after imports
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    help="Clutch temperatures, wear and friction from production CAN signals.",
-    epilog="To begin: clutchest replay demo --vehicle truck",
-)
-for _verb in (
+_VERBS = (
     replay,
     inspect,
     convert,
@@ -60,8 +51,16 @@ for _verb in (
     fleet,
     feedforward,
     trust,
-):
-    app.command(cls=WithScenarios if _verb is simulate else Verb)(_verb)
+)
+
+app = Verbs(
+    commands={
+        verb.__name__: WithScenarios(verb) if verb is simulate else Verb(verb) for verb in _VERBS
+    },
+    help="Clutch temperatures, wear and friction from production CAN signals.",
+    epilog="To begin: clutchest replay demo --vehicle truck",
+)
+click.version_option(__version__, message="clutchest %(version)s", help="Print the version.")(app)
 
 
 def main() -> None:
@@ -94,18 +93,3 @@ def main() -> None:
         if "CLUTCHEST_TRACEBACK" in os.environ:
             raise
         fail(unexpected(problem))
-
-
-def _version(wanted: bool) -> None:
-    if wanted:
-        print(f"clutchest {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _common(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    pass

@@ -6,10 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import WHOLE, AsJson, Trust, WindowOptions
+from clutchest.cli.parameters import Argument, Option
 from clutchest.cli.terminal import loaded, note, print_json, progress
 
 if TYPE_CHECKING:
@@ -20,23 +19,23 @@ if TYPE_CHECKING:
 def convert(
     logs: Annotated[
         list[str],
-        typer.Argument(metavar="IN", show_default=False, help="Logs of any known format."),
+        Argument(metavar="IN", help="Logs of any known format."),
     ],
     out: Annotated[
         Path,
-        typer.Option(
-            "-o",
-            "--output",
+        Option(
+            names=(
+                "-o",
+                "--output",
+            ),
             metavar="OUT",
-            show_default=False,
             help="The log to write; its suffix says the format.",
         ),
     ],
     vehicle: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="V",
-            show_default=False,
             help="Decode CAN logs by this vehicle; OUT is then .csv, .parquet, .xlsx, .mf4 or "
             ".mcap.",
         ),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from clutchest.cli.estimating import estimated
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Out, SourceOptions, WindowOptions
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, progress
 
 
@@ -17,8 +16,7 @@ def diagnose(
     source: SourceOptions,
     explain: Annotated[
         bool,
-        typer.Option(
-            "--explain",
+        Option(
             help="Also which faults this drive can detect and isolate.",
         ),
     ] = False,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from clutchest.cli.options import (
     DEFAULT_OUT,
     AsJson,
@@ -17,14 +15,13 @@ from clutchest.cli.options import (
     VehicleName,
     disjoint,
 )
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, meanwhile, progress
 
 EffectsFiles = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--effects",
+    Option(
         metavar="FILE.py",
-        show_default=False,
         help="Your own hypotheses, effect classes, tested beside the library's; repeat for "
         "several.",
     ),

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
+import click
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import print_json, progress
 
 
 def export(
     vehicle: VehicleName,
-    c: Annotated[
-        bool, typer.Option("--c", help="C code of the step and its derivative, for an ECU.")
-    ] = False,
+    c: Annotated[bool, Option(help="C code of the step and its derivative, for an ECU.")] = False,
     fmu: Annotated[
         bool,
-        typer.Option(
-            "--fmu",
+        Option(
             help="A functional mock-up unit, FMI 3.0 for model exchange, compiled with the "
             "system's compiler.",
         ),
@@ -35,7 +33,7 @@ def export(
       clutchest export --vehicle truck --fmu --out model
     """
     if not (c or fmu):
-        raise typer.BadParameter("expected --c, --fmu or both", param_hint="--c")
+        raise click.BadParameter("expected --c, --fmu or both", param_hint="--c")
     with progress() as show:
         show("exporting", None)
         from clutchest.export.c_code import write_c

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, State, Trust, VehicleName
+from clutchest.cli.parameters import Argument
 from clutchest.cli.terminal import answer, print_shown, progress
 
 if TYPE_CHECKING:
@@ -18,9 +17,8 @@ if TYPE_CHECKING:
 def feedforward(
     request: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="REQUEST",
-            show_default=False,
             help="A table (.csv, .parquet) with the request over time, or a log of the vehicle "
             "that has it.",
         ),

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Rate, Trust, VehicleName
+from clutchest.cli.parameters import Argument, Option
 from clutchest.cli.terminal import answer, meanwhile, print_shown, progress
 from clutchest.extras import installed
 from clutchest.shipped import shipped
@@ -30,16 +29,15 @@ class ClusterOptions:
 
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="ADDRESS",
-            show_default=False,
             help="A Dask scheduler, tcp://host:8786, whose workers see the same files; without it "
             "processes of this machine.",
         ),
     ] = None
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, show_default=False, help="So many of these processes."),
+        Option(metavar="N", least=1, help="So many of these processes."),
     ] = None
 
 
@@ -50,9 +48,8 @@ HERE = ClusterOptions()
 def fleet(
     places: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="FOLDER",
-            show_default=False,
             help="Folders of logs, at any depth, patterns, logs, or names of shipped logs: "
             f"{', '.join(shipped('logs'))}; the folder below the one that is given names the "
             "vehicle.",

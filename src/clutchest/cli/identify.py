@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from clutchest.cli.options import (
     DEFAULT_OUT,
@@ -16,6 +16,7 @@ from clutchest.cli.options import (
     VehicleName,
     disjoint,
 )
+from clutchest.cli.parameters import Argument, Option
 from clutchest.cli.terminal import answer, loaded, progress
 from clutchest.extras import required
 from clutchest.identify import OF_EVERY_MACHINE
@@ -28,10 +29,8 @@ if TYPE_CHECKING:
 
 Bench = Annotated[
     list[str] | None,
-    typer.Option(
-        "--bench",
+    Option(
         metavar="NAME",
-        show_default=False,
         help="The test bench that the logs are from, for experiments: one for all, or one for each "
         "LOG in their order, --holdout after them. Unless given: as simulate wrote it beside a "
         "log, else guessed from the data and said.",
@@ -40,8 +39,7 @@ Bench = Annotated[
 
 Refit = Annotated[
     bool,
-    typer.Option(
-        "--refit",
+    Option(
         help="Beside each number of an experiment also the one by the likelihood of the "
         "filter's innovations over its record, up to a minute of processor time each.",
     ),
@@ -51,9 +49,8 @@ Refit = Annotated[
 def identify(
     name: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="PROCEDURE",
-            show_default=False,
             help="A procedure that the vehicle's machine declares, as torque-curve, disc or I1; or "
             + "; ".join(f"{name}: {what}" for name, what in OF_EVERY_MACHINE.items())
             + ".",
@@ -113,7 +110,7 @@ def _benches(
     from clutchest.identify.bench_records import stated_sections
 
     if len(names) not in (0, 1, len(logs), len(logs) + len(holdout)):
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"{len(names)} benches for {len(logs)} logs, expected one, or one for each",
             param_hint="--bench",
         )

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Logs, Out, WindowOptions
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, progress
 from clutchest.shipped import shipped
 
@@ -26,20 +25,16 @@ def inspect(
     logs: Logs,
     dbc: Annotated[
         list[str] | None,
-        typer.Option(
-            "--dbc",
+        Option(
             metavar="[N=]FILE",
-            show_default=False,
             help="Names the messages, with N= those of channel N only; repeat for several.  A "
             f"file, or a shipped DBC: {', '.join(shipped('dbc'))}.  Without it all of these do.",
         ),
     ] = None,
     model: Annotated[
         str,
-        typer.Option(
-            "--model",
+        Option(
             metavar="NAME|FILE.py",
-            show_default=False,
             help="The machine whose signals are searched: one by name, or your own file.  "
             "Without it the shipped one of which most signals are there.",
         ),

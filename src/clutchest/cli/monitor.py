@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import (
     DEFAULT_OUT,
@@ -24,6 +22,7 @@ from clutchest.cli.options import (
     VehicleName,
     within,
 )
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import note, print_json, progress
 
 if TYPE_CHECKING:
@@ -48,10 +47,9 @@ class SessionOptions:
 
     duration: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="S",
-            callback=within(0.0),
-            show_default=False,
+            check=within(0.0),
             help="Stop after so many seconds.",
         ),
     ] = None
@@ -59,15 +57,13 @@ class SessionOptions:
     trust: Trust = False
     rate: Annotated[
         float,
-        typer.Option(
+        Option(
             metavar="HZ",
-            callback=within(0.1, 100.0),
+            check=within(0.1, 100.0),
             help="Rows per second of the estimates, 0.1 to 100.",
         ),
     ] = 10.0
-    send_dm1: Annotated[
-        bool, typer.Option("--send-dm1", help="Broadcast active trouble codes as J1939 DM1.")
-    ] = False
+    send_dm1: Annotated[bool, Option(help="Broadcast active trouble codes as J1939 DM1.")] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +72,10 @@ class ViewerOptions:
 
     serve: Annotated[
         bool,
-        typer.Option("--serve", help="Also serve a live Rerun viewer, to this machine only."),
+        Option(help="Also serve a live Rerun viewer, to this machine only."),
     ] = False
     port: Annotated[
-        int, typer.Option(metavar="N", min=1024, max=65534, help="Port of the viewer.")
+        int, Option(metavar="N", least=1024, most=65534, help="Port of the viewer.")
     ] = 9090
 
 
@@ -94,7 +90,7 @@ def monitor(
     viewer: ViewerOptions = NO_VIEWER,
     out: Out = DEFAULT_OUT,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object per line instead of the panel.")
+        bool, Option(names=("--json",), help="One JSON object per line instead of the panel.")
     ] = False,
 ) -> None:
     """Estimate live, over a CAN bus, and test for faults.

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
+from clutchest.cli.parameters import Argument, Option
 from clutchest.errors import ClutchestError
 from clutchest.shipped import shipped
 
@@ -19,83 +20,75 @@ if TYPE_CHECKING:
 
 Logs = Annotated[
     list[str],
-    typer.Argument(
+    Argument(
         metavar="LOG",
-        show_default=False,
         help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded signals (.csv "
         ".parquet .xlsx .mf4 .mat .tdms), or the name of a shipped log: alsd, demo.",
     ),
 ]
 VehicleName = Annotated[
     str,
-    typer.Option(
-        "--vehicle",
+    Option(
         metavar="V",
-        show_default=False,
         help=f"A vehicle file, or a shipped vehicle: {', '.join(shipped('vehicles'))}.",
     ),
 ]
 Trust = Annotated[
     bool,
-    typer.Option(
-        "--trust",
+    Option(
         help="Run the Python files that the vehicle file names, this time, without `clutchest "
         "trust`.",
     ),
 ]
 State = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         metavar="FILE",
-        show_default=False,
         help="state.json of the drive before: its estimates carry over.",
     ),
 ]
 Interface = Annotated[
     str,
-    typer.Option(
-        "--interface",
-        "-i",
+    Option(
+        names=(
+            "--interface",
+            "-i",
+        ),
         metavar="I",
-        show_default=False,
         help="An interface of python-can: socketcan, pcan, kvaser, vector, slcan, …; udp_multicast "
         "needs no hardware.",
     ),
 ]
 Channel = Annotated[
     str | None,
-    typer.Option(
-        "--channel",
-        "-c",
+    Option(
+        names=(
+            "--channel",
+            "-c",
+        ),
         metavar="C",
-        show_default=False,
         help="Its channel: can0, PCAN_USBBUS1, …; may be left out where the interface has one.",
     ),
 ]
 From = Annotated[
     str | None,
-    typer.Option(
-        "--from",
+    Option(
+        names=("--from",),
         metavar="T",
-        show_default=False,
         help="Leave out what lies before: s from each drive's start, or a date like "
         "2024-01-18T10:30:00+01:00 (without a zone: local time).",
     ),
 ]
 To = Annotated[
     str | None,
-    typer.Option(
-        "--to", metavar="T", show_default=False, help="Leave out what lies after, likewise."
-    ),
+    Option(names=("--to",), metavar="T", help="Leave out what lies after, likewise."),
 ]
 
 
 Holdout = Annotated[
     list[str] | None,
-    typer.Option(
-        "--holdout",
+    Option(
         metavar="LOG",
-        show_default=False,
         help="A log that is not fitted, only used to measure what the result gains; repeat for "
         "several.",
     ),
@@ -146,26 +139,27 @@ def within(low: float, high: float = math.inf) -> Callable[[float | None], float
         if value is None or (math.isfinite(value) and low <= value <= high):
             return value
         expected = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
-        raise typer.BadParameter(f"{value:g}; expected a number {expected}")
+        raise click.BadParameter(f"{value:g}; expected a number {expected}")
 
     return check
 
 
 Out = Annotated[
     Path,
-    typer.Option("--out", metavar="DIR", help="Folder for the results.", callback=_folder),
+    Option(metavar="DIR", help="Folder for the results.", check=_folder),
 ]
 AsJson = Annotated[
     bool,
-    typer.Option(
-        "--json", help="Print the machine-readable result on stdout, and nothing else there."
+    Option(
+        names=("--json",),
+        help="Print the machine-readable result on stdout, and nothing else there.",
     ),
 ]
 Rate = Annotated[
     float,
-    typer.Option(
+    Option(
         metavar="HZ",
-        callback=within(0.01, 1000.0),
+        check=within(0.01, 1000.0),
         help="Rows per second of the estimates, 0.01 to 1000.",
     ),
 ]

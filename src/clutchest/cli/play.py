@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from clutchest.cli.options import Channel, Interface, within
+from clutchest.cli.parameters import Argument, Option
 from clutchest.cli.terminal import progress
 
 
 def play(
     log: Annotated[
         str,
-        typer.Argument(
-            metavar="LOG", show_default=False, help="A CAN log, or a shipped one: alsd, demo."
-        ),
+        Argument(metavar="LOG", help="A CAN log, or a shipped one: alsd, demo."),
     ],
     interface: Interface,
     channel: Channel = None,
     speed: Annotated[
         float,
-        typer.Option(
+        Option(
             metavar="X",
-            callback=within(0.001, 1000.0),
+            check=within(0.001, 1000.0),
             help="So many times as fast as it was, 0.001 to 1000; a monitor's estimates are right "
             "at 1 only, since it goes by the time of reception.",
         ),

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-import typer
-
 from clutchest.cli.estimating import estimated
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import (
@@ -19,6 +17,7 @@ from clutchest.cli.options import (
     SourceOptions,
     WindowOptions,
 )
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, progress
 
 
@@ -42,18 +41,13 @@ class TableFormat(StrEnum):
 class ExtraFiles:
     """What is written beside the usual files."""
 
-    innovations: Annotated[
-        bool, typer.Option("--innovations", help="Also write innovations.parquet.")
-    ] = False
-    report: Annotated[
-        bool, typer.Option("--report", help="Also write report.html, a page to mail or print.")
-    ] = False
+    innovations: Annotated[bool, Option(help="Also write innovations.parquet.")] = False
+    report: Annotated[bool, Option(help="Also write report.html, a page to mail or print.")] = False
     formats: Annotated[
         list[TableFormat] | None,
-        typer.Option(
-            "--format",
+        Option(
+            names=("--format",),
             metavar="csv|xlsx|mf4|mcap",
-            show_default=False,
             help="Also write the estimates as estimates.csv, …; repeat for several.",
         ),
     ] = None
@@ -69,12 +63,12 @@ def replay(
     rate: Rate = 10.0,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="Also smoothed estimates, by each drive as a whole."),
+        Option(help="Also smoothed estimates, by each drive as a whole."),
     ] = False,
     engine: Annotated[
         Engine,
-        typer.Option(
-            "--engine", help="Which filter: the compiled one, or filterpy's (the same, slowly)."
+        Option(
+            help="Which filter: the compiled one, or filterpy's (the same, slowly).",
         ),
     ] = Engine.kernel,
     extra: ExtraFiles = USUAL,

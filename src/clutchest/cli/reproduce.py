@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out
+from clutchest.cli.parameters import Argument
 from clutchest.cli.terminal import answer, progress
 from clutchest.extras import required
 
@@ -19,9 +20,8 @@ if TYPE_CHECKING:
 def reproduce(
     name: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="PAPER",
-            show_default=False,
             help="me12: the dry clutch of a heavy truck (Myklebust, Eriksson 2012). "
             "id08: an active limited-slip differential (Ivanović and others 2008).",
         ),
@@ -53,7 +53,7 @@ def reproduce(
             names = sorted(path.name for path in folder.iterdir())
     answer(result.as_dict(), as_json, lambda console: _print(result, console), out, names)
     if not result.passed:
-        raise typer.Exit(1)
+        raise click.exceptions.Exit(1)
 
 
 def _print(result: Reproduction, console: Console) -> None:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+import click
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, Trust, VehicleName, within
+from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import loaded, print_json, progress
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
@@ -25,60 +26,54 @@ class TruthOptions:
 
     nominal: Annotated[
         bool,
-        typer.Option(
-            "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads."
+        Option(
+            help="Parameters as in the vehicle file, not drawn from their spreads.",
         ),
     ] = False
     duration: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="S",
-            callback=within(0.1),
-            show_default=False,
+            check=within(0.1),
             help="Seconds, at least 0.1, instead of the scenario's own.",
         ),
     ] = None
     effect: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME:P=V,P2=V2",
-            show_default=False,
             help="An effect in the truth with its numbers (docs/effects.md); repeat for several.",
         ),
     ] = None
     effects: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--effects",
+        Option(
             metavar="FILE.py",
-            show_default=False,
             help="Your own effect classes, which --effect may name beside the library's; repeat "
             "for several.",
         ),
     ] = None
     disturb: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="KEY=VALUE",
-            show_default=False,
             help="What varies at random during the drive: torque_bias_walk Nm/√s from a start of "
             "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
         ),
     ] = None
     onset: Annotated[
         float,
-        typer.Option(
+        Option(
             metavar="S",
-            callback=within(0.0),
+            check=within(0.0),
             help="When the effects begin to act, s into the drive; of the differential.",
         ),
     ] = 0.0
     truck_seed: Annotated[
         int | None,
-        typer.Option(
+        Option(
             metavar="N",
-            min=0,
-            show_default=False,
+            least=0,
             help="Seed of the machine's parameters, where --seed is to give another drive of "
             "the same machine. The same as --seed unless given.",
         ),
@@ -90,7 +85,7 @@ class TruthOptions:
         for text in self.effect or ():
             name, colon, values = text.partition(":")
             if not colon:
-                raise typer.BadParameter(
+                raise click.BadParameter(
                     f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5",
                     param_hint="--effect",
                 )
@@ -130,21 +125,21 @@ class WithScenarios(Verb):
 
 Scenario = Annotated[
     str,
-    typer.Option(
+    Option(
         metavar="NAME",
-        show_default=False,
         help="A scenario of the vehicle's machine, as listed below; of your own machine one of its "
         "excitations.",
     ),
 ]
-Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Same seed, same drive.")]
+Seed = Annotated[int, Option(metavar="N", least=0, help="Same seed, same drive.")]
 Output = Annotated[
     Path,
-    typer.Option(
-        "-o",
-        "--output",
+    Option(
+        names=(
+            "-o",
+            "--output",
+        ),
         metavar="LOG",
-        show_default=False,
         help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
     ),
 ]
@@ -218,7 +213,7 @@ def _check_own(files: Sequence[Path], car: Vehicle, named: Container[str]) -> No
     own = user_effects(files, car)
     if own and not any(each.name in named for each in own):
         first = own[0]
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"no --effect names one of them: add for example --effect "
             f"{first.name}:{first.gains[0].key}={first.gains[0].upper / 2.0:g}",
             param_hint="--effects",
@@ -230,10 +225,10 @@ def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:
     for text in given:
         key, _, value = (part.strip() for part in text.partition("="))
         if key in into:
-            raise typer.BadParameter(f"'{key}' is given twice", param_hint=option)
+            raise click.BadParameter(f"'{key}' is given twice", param_hint=option)
         try:
             into[key] = float(value)
         except ValueError:
-            raise typer.BadParameter(
+            raise click.BadParameter(
                 f"'{text}' is not KEY=VALUE with a number", param_hint=option
             ) from None

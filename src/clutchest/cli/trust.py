@@ -5,18 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from clutchest.cli.options import AsJson
+from clutchest.cli.parameters import Argument
 from clutchest.cli.terminal import print_json
 
 
 def trust(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="FILE", show_default=False, help="Vehicle files that name Python files."
-        ),
+        Argument(metavar="FILE", help="Vehicle files that name Python files."),
     ],
     as_json: AsJson = False,
 ) -> None:

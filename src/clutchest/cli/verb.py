@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import getdoc
 from typing import Any
 
-import typer
-from typer.core import TyperCommand
+import click
 
+from clutchest.cli.parameters import Positional, parameters_of
 from clutchest.shipped import shipped
 
 
-class Verb(TyperCommand):
-    """A command whose help shows arguments as they are typed, without their Python types, and that
-    names all missing arguments at once."""
+class Verbs(click.Group):
+    """Commands in the order in which they are given."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """See :meth:`click.Group.list_commands`."""
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """See :meth:`click.Group.invoke`; interrupted, it ends with the code that shells give."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.exceptions.Exit(130) from None
+
+
+class Verb(click.Command):
+    """A function as a command whose help shows arguments as they are typed, without their Python
+    types, and that names all missing arguments at once."""
+
+    def __init__(self, verb: Callable[..., None]) -> None:
+        super().__init__(
+            verb.__name__, callback=verb, params=parameters_of(verb), help=getdoc(verb)
+        )
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """See :meth:`click.Command.parse_args`."""
         try:
             return super().parse_args(ctx, list(args))
-        except typer.BadParameter as problem:
-            given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
-            missing = [p for p in self.get_params(ctx) if p.required and not _given(p, given)]
+        except click.BadParameter as problem:
+            values, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+            given = {name: value for name, value in values.items() if _is_given(value)}
+            missing = [p for p in self.get_params(ctx) if p.required and p.name not in given]
             if any(problem.param is parameter for parameter in missing):
                 choices = [self.choices(str(p.name), given) for p in missing]
                 names = ", ".join(map(_typed, missing))
@@ -32,21 +54,11 @@ class Verb(TyperCommand):
         """What the missing argument ``name`` may be, beside those ``given``; empty if unknown."""
         return f"shipped vehicles: {', '.join(shipped('vehicles'))}" if name == "vehicle" else ""
 
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """See :meth:`click.Command.collect_usage_pieces`."""
-        return [
-            piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)
-        ]
-
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """See :meth:`click.Command.format_options`."""
-        shown = [p for p in self.get_params(ctx) if not getattr(p, "hidden", False)]
-        arguments = [
-            (str(p.metavar), str(getattr(p, "help", "")))
-            for p in shown
-            if p.param_type_name == "argument"
-        ]
-        given = (p.get_help_record(ctx) for p in shown if p.param_type_name == "option")
+        parameters = self.get_params(ctx)
+        arguments = [(str(p.metavar), p.words) for p in parameters if isinstance(p, Positional)]
+        given = (p.get_help_record(ctx) for p in parameters if isinstance(p, click.Option))
         options = [record for record in given if record is not None]
         for title, rows in (("Arguments", arguments), ("Options", options)):
             if rows:
@@ -54,13 +66,11 @@ class Verb(TyperCommand):
                     formatter.write_dl(rows)
 
 
-def _typed(parameter: Any) -> str:
+def _typed(parameter: click.Parameter) -> str:
     """Its name as the help has it."""
-    is_argument = parameter.param_type_name == "argument"
-    return str(parameter.metavar if is_argument else parameter.opts[0])
+    return str(parameter.metavar if isinstance(parameter, Positional) else parameter.opts[0])
 
 
-def _given(parameter: Any, given: Mapping[str, Any]) -> bool:
-    """Whether the command line has it; of what it lacks the parser may have a marker."""
-    value = given.get(parameter.name)
-    return isinstance(value, str) or (isinstance(value, list | tuple) and len(value) > 0)
+def _is_given(value: Any) -> bool:
+    """Whether the command line has it; for what it lacks the parser may have a marker."""
+    return isinstance(value, str | bool) or (isinstance(value, list | tuple) and len(value) > 0)
