@@ -258,7 +258,7 @@ class Judder(NearMiss):
 class RestedLining(NearMiss):
     """Moisture settles on a lining at rest, and dries as it slips: it bites harder after a rest."""
 
-    name, equation, drivers = "rested_lining", "torque", ("rest_time",)
+    name, equation, drivers = "rested_lining", "torque", ("rest_time", "recent_slip")
     # listed since it was missed
     unit, largest = "1", 0.5
 

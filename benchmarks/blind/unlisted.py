@@ -8,10 +8,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from scipy.signal import lfilter
 
 from blind.outsiders import Floats, Law, Outsider, Readings, Seen
 
 NEAR = 0.1  # s, on both sides, over which a truck speeds up
+CLOSE = 0.05  # s, from one step of a hose's creeping to the next
 
 
 class NearMiss(Outsider):
@@ -29,7 +31,7 @@ class OilSurge(NearMiss):
     """Oil surges to the crank as the truck speeds up, and away from it as it brakes."""
 
     name, equation, drivers = "oil_surge", "engine_speed", ("vehicle_acceleration",)
-    others, listed = ("sensor:engine_torque",), False
+    others = ("sensor:engine_torque",)  # listed since it was missed
     unit, largest = "Nm", 120.0
 
     def law(self) -> Law:
@@ -52,7 +54,7 @@ class TiltedGearbox(NearMiss):
     with it."""
 
     name, equation, drivers = "tilted_gearbox", "sensor:slave_position", ("vehicle_acceleration",)
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "mm", 0.8
 
     def readings(self, true: Readings) -> Readings:
@@ -85,3 +87,46 @@ class GlazedPatch(NearMiss):
             return {"torque_share": self.size * float(np.sin(angle))}
 
         return act
+
+
+class HelicalThrust(NearMiss):
+    """Helical gears push the input shaft along by the torque they carry, and with it what the
+    position is read from."""
+
+    name, equation, drivers = "helical_thrust", "sensor:slave_position", ("engine_torque",)
+    others, listed = ("zero_position",), False
+    unit, largest = "mm", 0.6
+
+    def readings(self, true: Readings) -> Readings:
+        play = 200.0 + 400.0 * self.phase
+
+        def position(t: Floats) -> Floats:
+            pushed = np.tanh(true["engine_torque"](t) / play)
+            return true["slave_position"](t) + self.size * pushed
+
+        return {**true, "slave_position": position}
+
+
+class CreepingHose(NearMiss):
+    """A hose swells slowly while the clutch is held: the position reads what it was of late."""
+
+    name, equation, drivers = (
+        "creeping_hose",
+        "sensor:slave_position",
+        ("recent_position", "slave_position"),
+    )
+    others, listed = ("zero_position",), False
+    unit, largest = "1", 0.2
+
+    def readings(self, true: Readings) -> Readings:
+        fades = 10.0 + 20.0 * self.phase
+
+        def position(t: Floats) -> Floats:
+            steps = np.arange(0.0, np.max(t, initial=0.0) + CLOSE, CLOSE)
+            kept = np.exp(-CLOSE / fades)
+            held = true["slave_position"](steps)
+            recent, _ = lfilter([1.0 - kept], [1.0, -kept], held, zi=[kept * held[0]])
+            of_late = np.interp(t, steps, recent)
+            return true["slave_position"](t) + self.size * (of_late - true["slave_position"](t))
+
+        return {**true, "slave_position": position}

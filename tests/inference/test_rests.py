@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.inference.covariates import rests
+from clutchest.inference.covariates import RECENT, recent_slip, rests
 
 
 def test_a_rest_is_held_while_surfaces_slide():
@@ -25,3 +25,15 @@ def test_surfaces_that_never_slide_rest():
     t = np.arange(0.0, 5.0, 0.5)
     rest, engagements = rests(t, np.zeros(len(t), bool))
     assert np.array_equal(rest, t) and not engagements.any()
+
+
+def test_slip_of_late_fades_at_any_distance_from_the_records_begin():
+    t = 1e5 + np.sort(np.random.default_rng(7).uniform(0.0, 600.0, 4000))
+    slides = np.sin(t / 20.0) > 0.3
+    known, state = np.zeros(len(t)), 0.0
+    for k in range(1, len(t)):
+        kept = np.exp(-(t[k] - t[k - 1]) / RECENT)
+        state = known[k] = kept * state + (1.0 - kept) * slides[k]
+    assert np.allclose(recent_slip(t, slides), known, rtol=0.0, atol=1e-10)
+    assert not recent_slip(t, np.zeros(len(t), bool)).any()
+    assert len(recent_slip(t[:0], slides[:0])) == 0

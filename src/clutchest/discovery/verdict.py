@@ -123,29 +123,9 @@ def _verdict(
     unnamed = _significant(remaining) and remaining[0].worth > denied
     p = errors[0].p_value if errors else 1.0
     forms, unnamed = _by_forms(search, best, unnamed)
-    held = any(not tested.form.refuted for tested in forms.values())
-    if len(best.causes) > 1 or held:  # one curve may explain as much as several, or more than one
-        errors = _residual_errors(search, search.null)  # by the noise of the best
-        explained, count = search.null.cost - best.cost + denied, len(best.causes)
-        unnamed |= _better_as_curve(explained, count, errors)
-        if count > 1 and not unnamed:  # of large errors, what explains most to first order may not
-            unnamed = _better_as_curve(explained, count, located(search, errors).errors)
-    unnamed |= any(
-        not _of_right_family(search, best, effect, forms[effect], errors)
-        for effect in best.effects
-        if forms[effect].form.refuted
-    )
+    unnamed, errors, several = _unnamed_errors(search, best, forms, errors, unnamed, denied)
     for h in tied:
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
-    if unnamed and search.problem.discrepancies:
-        errors = _beside_less_discrepancies(search) or errors
-    several: list[list[Curve]] = []
-    if unnamed:
-        place = located(search, errors)
-        errors, several = place.errors, several_errors(place, search.free(()), UNNAMED)
-    if several:  # those of the leading equation first
-        leading = several[0]
-        errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]
     search = replace(search, best=best)
     return SearchVerdict(
         search,
@@ -161,6 +141,41 @@ def _verdict(
         forms,
         several[1:],
     )
+
+
+def _unnamed_errors(
+    search: Search,
+    best: CauseSet,
+    forms: Mapping[str, TestedForm],
+    errors: Sequence[Curve],
+    unnamed: bool,
+    denied: float,
+) -> tuple[bool, Sequence[Curve], list[list[Curve]]]:
+    """Whether an error remains ``unnamed``, as it does where one without a name explains more than
+    the best causes, and 2 Δ ln L of what was ``denied``; the ``errors`` of the model without a
+    cause; and those that are established, by equation."""
+    refuted = [effect for effect in best.effects if forms[effect].form.refuted]
+    explained, count = search.null.cost - best.cost + denied, len(best.causes)
+    if count > 1 or len(refuted) < len(forms):  # a curve may explain as much as several, or more
+        errors = _residual_errors(search, search.null)  # by the noise of the best
+        unnamed = unnamed or _better_as_curve(explained, count, errors)
+    place = None
+    if not unnamed and (count > 1 or refuted):
+        place = located(search, errors)  # what explains most to first order may not do so in full
+        errors = place.errors
+        unnamed = count > 1 and _better_as_curve(explained, count, errors)
+    unnamed = unnamed or any(
+        not _of_right_family(search, best, effect, forms[effect], errors) for effect in refuted
+    )
+    several: list[list[Curve]] = []
+    if unnamed:
+        if place is None or not place.fitted:
+            place = located(search, _beside_less_discrepancies(search) or errors)
+        errors, several = place.errors, several_errors(place, search.free(()), UNNAMED)
+    if several:  # those of the leading equation first
+        leading = several[0]
+        errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]
+    return unnamed, errors, several
 
 
 def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> bool:
@@ -257,6 +272,8 @@ def _beside_less_discrepancies(search: Search) -> list[Curve]:
     """Errors beside the model without a cause, each beside as much of the discrepancies as is
     likeliest with it: beside all that the data show without it, an error that is there passes for
     wander in part, and what is sudden in the rest for its driver."""
+    if not search.problem.discrepancies:
+        return []
     objective, free = replace(search.objective, span=None), search.free(())
     at = objective.linearise_at(search.null.fit.theta)
     share, likely = objective.discrepancies_shown_by(at, free, LESS)

@@ -21,7 +21,7 @@ from clutchest.inference.denoising import (
 from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.models.declarations import ENERGY, ENGAGEMENTS, REST, TURN
+from clutchest.models.declarations import ENERGY, ENGAGEMENTS, RECENT_SLIP, REST, TURN
 from clutchest.models.effects.effect import TIME
 from clutchest.models.machine import Machine
 from clutchest.signals import Floats
@@ -31,6 +31,7 @@ BEGINNING = 3.0 ** -np.arange(3)  # parts of a duration: more happens at its beg
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 PAUSE = 0.5  # s, of a rest: what is shorter is noise of the speeds, or a change of the slip's sign
+RECENT = 30.0  # s, over which what slip has changed fades: moisture, a film, heat of a surface
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
@@ -63,6 +64,7 @@ def covariates(
     }
     series[ENERGY] = np.cumsum(power * spans)
     series[REST], series[ENGAGEMENTS] = rests(line.t, drive.tracked.act)
+    series[RECENT_SLIP] = recent_slip(line.t, drive.tracked.act)
     series[TIME] = line.t
     return series
 
@@ -90,6 +92,16 @@ def rests(t: Floats, slides: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     rest = t - np.where(last < 0, t[0], t[sliding[last]])
     held = slides | ((rest <= PAUSE) & (last >= 0))
     return np.where(held, before[last], rest), np.cumsum(count)
+
+
+def recent_slip(t: Floats, slides: NDArray[np.bool_]) -> Floats:
+    """The share of the time before each of ``t`` (K), s, that surfaces ``slides`` (K), with weights
+    that fade over ``RECENT`` s.  Before the record they rested."""
+    spans = np.diff(t, prepend=t[:1])
+    slid = slides & (spans > 0.0)
+    grown = np.full(len(t), -np.inf)  # logarithms, as weights overflow
+    grown[slid] = np.log(-np.expm1(-spans[slid] / RECENT)) + t[slid] / RECENT
+    return np.asarray(np.exp(np.logaddexp.accumulate(grown) - t / RECENT))
 
 
 def noise_in_derivatives(

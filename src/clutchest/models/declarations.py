@@ -7,9 +7,17 @@ from dataclasses import dataclass
 
 from clutchest.models.model import Model
 
-ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
+ENERGY = "energy"  # dissipated since the drive began
 REST = "rest_time"  # s: how long surfaces have not slid, and while they do, how long they had not
+RECENT_SLIP = "recent_slip"  # the share of the last half minute that they slid, fading
 ENGAGEMENTS = "engagements"  # so many times they have begun to slide
+HISTORY = {
+    "time": "s",
+    ENERGY: "J",
+    REST: "s",
+    RECENT_SLIP: "1",
+    ENGAGEMENTS: "1",
+}  # every machine's
 TURN = 6.283185307179586  # rad
 
 

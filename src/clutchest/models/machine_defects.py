@@ -13,8 +13,8 @@ import numpy as np
 from clutchest import units
 from clutchest.casadi_later import ca
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.declarations import ENERGY, ENGAGEMENTS, REST
-from clutchest.models.effects.effect import RESERVED, TIME
+from clutchest.models.declarations import HISTORY
+from clutchest.models.effects.effect import RESERVED
 from clutchest.models.model import POWER, Expressions
 from clutchest.models.thresholds import THRESHOLD_UNITS
 
@@ -206,7 +206,7 @@ def _lacking(machine: Any, error: AttributeError) -> str:
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:
     known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
     known |= {*(i.name for i in machine.inputs), *machine.rates, *machine.peaks, *machine.turns}
-    known |= {*machine.durations, TIME, ENERGY, REST, ENGAGEMENTS}
+    known |= {*machine.durations, *HISTORY}
     inputs = [item.name for item in machine.inputs]
     for name, term in machine.error_terms.items():
         piece = f"error term '{name}'"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clutchest.models.declarations import ENERGY, ENGAGEMENTS, REST
+from clutchest.models.declarations import HISTORY
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
 
@@ -14,10 +14,7 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     rates = {rate: _per_second(moving.get(of, "1")) for rate, of in machine.rates.items()}
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
     units = {
-        "time": "s",
-        ENERGY: "J",
-        REST: "s",
-        ENGAGEMENTS: "1",
+        **HISTORY,
         **machine.covariates,
         **machine.smooth_over,
         **rates,

@@ -16,6 +16,7 @@ _ACTUATOR = (
     "engine_speed",
     "engine_acceleration",
     "vehicle_speed",
+    "vehicle_acceleration",
     "temp_housing",
     "ambient_temp",
     "time",
@@ -52,11 +53,12 @@ _ENGINES_BALANCE = (
     "temp_disc_peak",
     "temp_body_peak",
 )
+_ENGINES = (*_ENGINES_BALANCE, "vehicle_acceleration")  # oil in the sump surges with it
 # Not the slip's power, of which the torque itself is a part.
 _ADDED = (*_ENGINES_BALANCE, "engine_torque", "slip_rate")
-# A lining that rests takes up moisture, and each engagement polishes it.  How the engine speeds up
-# is no cause of friction, but what follows from it.
-_FRICTION = (*_ADDED, "slip_power", "rest_time", "engagements")
+# A lining that rests takes up moisture and dries as it slips, and each engagement polishes it.  How
+# the engine speeds up is no cause of friction, but what follows from it.
+_FRICTION = (*_ADDED, "slip_power", "rest_time", "recent_slip", "engagements")
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
@@ -77,7 +79,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "engine_speed": ErrorTerm(
         "engine_speed",
         {"true_engine_torque": lambda value, g: value - 30.0 * g},
-        covariates=_ENGINES_BALANCE,
+        covariates=_ENGINES,
         size=30.0,
         unit="Nm",
     ),
@@ -188,5 +190,9 @@ SENSOR_FOR = {
 # the highest value so far of states, since overheating changes a lining for good.
 COVARIATES = {"slip_speed": "rad/s", "slip_power": "W"}  # a surface is hot before any mass is
 SMOOTH_OVER = {"compression": "mm"}
-RATES = {"position_rate": "slave_position", "slip_rate": "slip_speed"}  # friction may lag
+RATES = {
+    "position_rate": "slave_position",
+    "slip_rate": "slip_speed",  # friction may lag
+    "vehicle_acceleration": "vehicle_speed",
+}
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
