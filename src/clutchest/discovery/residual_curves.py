@@ -34,6 +34,7 @@ from clutchest.inference.score_test import Projected, Projection, family_wise, r
 from clutchest.inference.unknowns import UnknownGain
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
+from clutchest.models.declarations import RECENT_SLIP
 from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
@@ -148,11 +149,12 @@ class CurvesAt:
 
     def varying(self) -> list[str]:
         """Names of the covariates that every drive has, and that vary in one; slopes of readings,
-        which hold their noise, only where an error term lists them."""
+        which hold their noise, and slip of late only where an error term lists them."""
         drives = zip(self.problem.drives, self.fit.implied, strict=True)
         still = set.intersection(*(at_rest(*each) for each in drives))
         terms = self.problem.compiled.machine.error_terms.values()
-        still |= set(self.problem.compiled.model.slopes).difference(*(t.covariates for t in terms))
+        asked = {*self.problem.compiled.model.slopes, RECENT_SLIP}
+        still |= asked.difference(*(t.covariates for t in terms))
         first = self.values[0]
         return [n for n in first if n not in still and all(n in v for v in self.values)]
 
