@@ -24,7 +24,7 @@ from clutchest.inference.covariates import FINE_KNOTS, hats
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve
-from clutchest.inference.objective import Objective
+from clutchest.inference.objective import RUNAWAY, Objective
 from clutchest.inference.score_test import Projected, Projection
 from clutchest.inference.unknowns import UnknownGain
 from clutchest.inference.white_linearisation import Linearisation
@@ -129,10 +129,9 @@ class _Fits:
         theta = places(self.begin.problem)[curve.error_term]
         for _ in range(STEPS):
             there = self._along(at, self._step(at, by), bases, theta)
-            if there is None:
+            if there is None or np.abs(other := self.derivatives(curve, there)).max() > RUNAWAY:
                 break
-            gained, at = at.cost - there.cost, there
-            by = self.derivatives(curve, at)
+            gained, at, by = at.cost - there.cost, there, other
             if gained < SETTLED:
                 break
         of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
@@ -181,7 +180,8 @@ class _Fits:
             lin = objective.relinearise(at.lin, numbers, active=NO_DERIVATIVES)
             if _Point(objective, lin, coefficients).cost < at.cost:
                 lin = objective.relinearise(at.lin, numbers, active=self.free)
-                return _Point(objective, lin, coefficients)
+                if np.isfinite(lin.cost):
+                    return _Point(objective, lin, coefficients)
         return None
 
 

@@ -178,10 +178,9 @@ def improve(
     """The same from a linearisation on; without ``derivatives`` where they are not asked for, which
     take several times as long as innovations alone.
 
-    Valleys bend: a step along one may climb its wall, and the next one falls back onto its
-    floor further on.  So a few climbs are let pass before steps are damped (Levenberg,
-    Marquardt).  A step that leaves the valley altogether is bent as the valley is, and
-    shortened until it stays within.
+    Valleys bend: a step along one may climb its wall, and the next one falls back onto its floor
+    further on.  So a few climbs are let pass before steps are damped (Levenberg, Marquardt).  One
+    that leaves the valley altogether is bent as the valley is, and shortened until it stays within.
     """
     if lin.active is not None and not len(lin.active):
         lin = objective.relinearise(lin, lin.theta, active=free)
@@ -207,14 +206,16 @@ def improve(
             ends = straight and gained < max(tolerance.step, tolerance.share * there.cost)
             if not derivatives and (ends or (straight and _is_last(objective, lin, there, free))):
                 return there
-            best = lin = objective.relinearise(lin, theta, active=free)
-            if ends:
-                break
-            continue
+            if known := _known(objective, lin, theta, free):
+                best = lin = known
+                if ends:
+                    break
+                continue
         last = 0.0 * path
-        may_fall = bend is None and there.cost < WALL * best.cost
-        if may_fall and (climbs := climbs + 1) <= PATIENCE:
-            lin = objective.relinearise(lin, theta, active=free)
+        may_fall = bend is None and best.cost <= there.cost < WALL * best.cost
+        climbs += may_fall
+        if may_fall and climbs <= PATIENCE and (known := _known(objective, lin, theta, free)):
+            lin = known
             continue
         lin, climbs = best, 0
         if straight:
@@ -226,6 +227,14 @@ def improve(
         else:
             bend, share, damping = None, 1.0, max(10.0 * damping, 1.0)
     return best
+
+
+def _known(
+    objective: Objective, lin: Linearisation, theta: Floats, free: NDArray[np.int64]
+) -> Linearisation | None:
+    """``theta`` (m) with derivatives; None where the equations run away by them."""
+    there = objective.relinearise(lin, theta, active=free)
+    return there if np.isfinite(there.cost) else None
 
 
 def _is_last(

@@ -66,6 +66,13 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         size=0.2,
         unit="V",
     ),
+    "current, supply": ErrorTerm(
+        "current",
+        {"motor_voltage": lambda value, g: value * (1 - 0.05 * g)},
+        covariates=_CURRENT,
+        size=5.0,
+        unit="%",
+    ),
     "motor": ErrorTerm(
         "motor",
         {"motor_friction_torque": lambda value, g: value + 0.005 * g},
