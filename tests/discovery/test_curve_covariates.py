@@ -8,6 +8,7 @@ import pytest
 from clutchest.inference.covariates import knots
 from clutchest.models import shipped_machines
 from clutchest.models.curve_effect import curve_effects
+from clutchest.models.declarations import RECENT, RECENT_SLIP
 from clutchest.models.error_curve import ErrorCurve
 from equations import argument_names, evaluator
 
@@ -42,6 +43,28 @@ def test_a_duration_grows_while_its_quantity_is_positive_and_is_forgotten_after(
     pressed = {**ones(model), "pack_force": 500.0, "curve_1_pressed_time": 0.7}
     assert made(pressed)["curve_1_pressed_time_rate"] == 1.0
     assert made({**pressed, "pack_force": 0.0})["curve_1_pressed_time_rate"] < -10.0
+
+
+@pytest.mark.parametrize(("power", "rate"), [(500.0, (1.0 - 0.4) / RECENT), (0.0, -0.4 / RECENT)])
+def test_slip_of_late_grows_in_slip_and_fades_at_rest(power, rate):
+    model = with_curve("torque", RECENT_SLIP, (0.0, 0.5, 1.0), (0.1, 0.0, 0.0))
+    made = evaluator(model, [f"curve_1_{RECENT_SLIP}_rate", "power"])
+    slides = {**ones(model), "slip_speed": 0.0, f"curve_1_{RECENT_SLIP}": 0.4}
+    slides |= {"slip_speed": 10.0, "pack_force": 500.0} if power else {}
+    known = made(slides)
+    assert (known["power"] > 0.0) == (power > 0.0)
+    assert known[f"curve_1_{RECENT_SLIP}_rate"] == pytest.approx(rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("voltage", [12.0, -7.0])
+def test_an_error_of_the_supply_is_a_share_of_the_voltage_of_either_sign(voltage):
+    model = with_curve("current, supply", "time", (0.0, 10.0, 20.0), (1.0, 1.0, 1.0))
+    made = evaluator(model, ["motor_voltage"])
+    here = {**ones(model), "armature_voltage": voltage, "curve_1_time": 3.0}
+    off, bare = made(here), made({**here, "curve_1.size": 0.0})
+    share = 1.0 - ALSD.error_terms["current, supply"].size / 100.0
+    assert off["motor_voltage"] == pytest.approx(share * bare["motor_voltage"], rel=1e-9)
+    assert bare["motor_voltage"] * voltage > 0.0
 
 
 def test_curves_bend_evenly_within_a_turn_and_early_in_a_duration():

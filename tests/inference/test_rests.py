@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.inference.covariates import RECENT, recent_slip, rests
+from clutchest.inference.covariates import recent_slip, rests
+from clutchest.models.declarations import RECENT
 
 
 def test_a_rest_is_held_while_surfaces_slide():

@@ -21,7 +21,7 @@ from clutchest.inference.denoising import (
 from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.models.declarations import ENERGY, ENGAGEMENTS, RECENT_SLIP, REST, TURN
+from clutchest.models.declarations import ENERGY, ENGAGEMENTS, RECENT, RECENT_SLIP, REST, TURN
 from clutchest.models.effects.effect import TIME
 from clutchest.models.machine import Machine
 from clutchest.signals import Floats
@@ -31,7 +31,6 @@ BEGINNING = 3.0 ** -np.arange(3)  # parts of a duration: more happens at its beg
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 PAUSE = 0.5  # s, of a rest: what is shorter is noise of the speeds, or a change of the slip's sign
-RECENT = 30.0  # s, over which what slip has changed fades: moisture, a film, heat of a surface
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.casadi_later import ca
-from clutchest.models.declarations import ENERGY, TURN
+from clutchest.models.declarations import ENERGY, RECENT, RECENT_SLIP, TURN
 from clutchest.models.effects.effect import TIME, Effect, Gains, Indices, Lateness, Number
 from clutchest.models.error_curve import DEVIATION, SIZE, ErrorCurve, effect_of_deviation
 from clutchest.models.error_terms import ErrorTerm
@@ -21,9 +21,14 @@ from clutchest.signals import Floats
 FORGOTTEN = 0.02  # s: time constant with which a duration that has ended goes back to 0
 LARGEST = 4.0  # standard deviations by which a curve may be shifted
 # Covariates that are no quantity of the equations: states of the curve's own, and their rates.
-_OWN_STATES: Mapping[str, tuple[str, str, Callable[[Any], Any]]] = {
-    ENERGY: ("J", "slip energy since the start", lambda q: q.power),
-    TIME: ("s", "time since the start", lambda q: 1.0),
+_OWN_STATES: Mapping[str, tuple[str, str, Callable[[Any, Any], Any]]] = {
+    ENERGY: ("J", "slip energy since the start", lambda q, x: q.power),
+    RECENT_SLIP: (
+        "1",
+        "share of the last half minute with slip",
+        lambda q, x: (ca.if_else(q.power > 0.0, 1.0, 0.0) - x) / RECENT,
+    ),
+    TIME: ("s", "time since the start", lambda q, x: 1.0),
 }
 
 
@@ -51,7 +56,7 @@ def covariates_of_curve(
     names = model.expressions().quantities.names()
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
     durations = [name for name, of in machine.durations.items() if of in names]
-    own = [name for name in _OWN_STATES if name != ENERGY or "power" in names]
+    own = [name for name in _OWN_STATES if name == TIME or "power" in names]
     # of the changed quantities the first one: a reading's error may depend on the reading itself
     return (*own, *machine.peaks, *machine.turns, *durations, *names[: first + 1])
 
@@ -110,7 +115,8 @@ def _memory(
     the quantity that it then reads, and the state's rate."""
     if covariate in _OWN_STATES:
         unit, what, rate = _OWN_STATES[covariate]
-        return (State(own, unit, "", what, 0.0, 0.0, 1.0),), own, rate
+        slow = State(own, unit, "", what, 0.0, 0.0, 1.0)
+        return (slow,), own, lambda q: rate(q, getattr(q, own))
     if peak_of is not None:
         unit = next(state.unit for state in machine.states if state.name == peak_of)
         return (State(own, unit, "", f"highest {peak_of} so far", 0.0, 0.0, 1.0),), own, None

@@ -9,7 +9,8 @@ from clutchest.models.model import Model
 
 ENERGY = "energy"  # dissipated since the drive began
 REST = "rest_time"  # s: how long surfaces have not slid, and while they do, how long they had not
-RECENT_SLIP = "recent_slip"  # the share of the last half minute that they slid, fading
+RECENT_SLIP = "recent_slip"  # the share of time that they slid of late, fading over RECENT
+RECENT = 30.0  # s: moisture, a film, heat of a surface
 ENGAGEMENTS = "engagements"  # so many times they have begun to slide
 HISTORY = {
     "time": "s",
