@@ -216,9 +216,17 @@ def test_a_column_taken_away_again_leaves_the_model_as_it_was():
     np.testing.assert_allclose(same.level, model.level)
 
 
-@pytest.mark.parametrize(("stretches", "length"), [(6, 150), (15, 40), (60, 15)])
-@pytest.mark.parametrize("taps", [(np.exp(-1.0 / 60.0),), (1.6, -0.9, 0.285), (1.9, -0.905)])
-def test_slow_noise_in_short_stretches(stretches, length, taps):
+SLOW = (np.exp(-1.0 / 60.0),)
+
+
+@pytest.mark.parametrize(
+    ("taps", "stretches", "length"),
+    [(SLOW, 6, 150), (SLOW, 15, 40), (SLOW, 60, 15)]
+    + [
+        (taps, *cut) for taps in ((1.6, -0.9, 0.285), (1.9, -0.905)) for cut in ((6, 150), (15, 40))
+    ],
+)
+def test_slow_noise_in_short_stretches(taps, stretches, length):
     """In 20 records each, whose memory is longer than many a stretch: what is left of
     others of the same noise is white, and as loud as it should be."""
     cut = Stretches(np.zeros(stretches * length, np.int64), np.tile(np.arange(length), stretches))
@@ -236,3 +244,14 @@ def test_slow_noise_in_short_stretches(stretches, length, taps):
     assert np.mean(squares) == pytest.approx(1.0, abs=0.05)
     assert np.mean(slow) < 1.3
     assert abs(np.mean(bias)) < 0.003
+
+
+@pytest.mark.parametrize(("length", "longest"), [(9, 1), (25, 2), (70, 7), (300, ORDER)])
+def test_memory_is_a_tenth_of_a_stretch_at_most(length, longest):
+    """Of a line, which would take all there is: as a ripple that comes again in every stretch."""
+    t, rng = np.arange(length), np.random.default_rng(3)
+    ripples = np.sin(2.0 * np.pi * 0.4 * t + rng.uniform(0.0, 6.28, (60, 1)))
+    values = (ripples + 0.01 * rng.standard_normal(ripples.shape)).ravel()
+    cut = Stretches(np.zeros(len(values), np.int64), np.tile(t, 60))
+    model = NoiseModel.fit([cut], [values])
+    assert np.count_nonzero(model.weights[0, ORDER]) == longest

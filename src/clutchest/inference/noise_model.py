@@ -20,6 +20,8 @@ ORDER = 12  # longest memory tried, samples
 FEWEST = 60  # readings from which a model is made; below, white with the sensor's own level
 TAIL = 5.0  # standard deviations
 SLOWEST = 0.999  # reflection coefficient
+OF_STRETCH = 10.0  # readings of a stretch, in the mean, for each of memory: with a longer one, what
+# comes again in every stretch, as errors of the equations do, passes for noise with lines
 GAP = 3.0  # sample periods; a longer gap begins a new stretch
 
 
@@ -79,7 +81,7 @@ class NoiseModel:
         cls, stretches: Sequence[Stretches], residuals: Sequence[Floats], longest: int = ORDER
     ) -> NoiseModel:
         """From what is left of innovations (K) of each drive; as much memory as Akaike's criterion
-        allows, the ``longest`` at most: white with 0."""
+        and the length of stretches allow, the ``longest`` at most: white with 0."""
         tamed = [_tamed(e, s.group) for s, e in zip(stretches, residuals, strict=True)]
         return cls.of_columns(stretches, [e[:, None] for e in tamed], np.ones(1), longest)
 
@@ -108,7 +110,8 @@ class NoiseModel:
         _burg(forward, forward.copy(), of, place, counts, power, pairs, reflection)
         weights, level = np.zeros((*shape, ORDER)), np.ones(shape)
         for i, own_pairs in enumerate(pairs):
-            order = longest if own_pairs[0] >= FEWEST else 0
+            many = own_pairs[0] / (OF_STRETCH * max(own_pairs[0] - own_pairs[1], 1.0))
+            order = min(longest, max(int(many), 1)) if own_pairs[0] >= FEWEST else 0
             weights[i], level[i] = _predictions(power[i], own_pairs, reflection[i], order)
         return cls(groups, weights, level)
 
