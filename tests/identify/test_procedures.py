@@ -17,6 +17,7 @@ from clutchest.identify import identify_vehicle, procedures
 from clutchest.identify.fit import Fit
 from clutchest.identify.likelihood import most_probable, problem_of
 from clutchest.inference.objective import Objective
+from clutchest.inference.problem import FURTHEST, Problem
 from clutchest.vehicle import load_vehicle
 
 SEED, OTHER = 3001, 3002
@@ -112,6 +113,12 @@ def test_bounds_are_those_of_the_equations(ramps):
     low, high = objective.low, objective.high
     at = problem.index("torque_cubic")
     assert high[at] == pytest.approx(21.0 / 0.42) and low[at] == -np.inf  # the curve rises
+
+
+def test_in_discovery_no_number_is_further_off_than_can_be_believed(ramps):
+    objective = Objective.of(problem := Problem.of(ramps, TRUCK, (), discrepant=True))
+    at = problem.index("torque_cubic")
+    assert (objective.low[at], objective.high[at]) == (-FURTHEST, FURTHEST)
 
 
 def test_without_any_spread_nothing_is_fitted(ramps):

@@ -38,6 +38,7 @@ from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std, wander
 from clutchest.vehicle.vehicle import TIMING
 
+FURTHEST = 10.0  # standard deviations that are stated, by which a number may be off in discovery
 STEPS = 2  # from nominal inputs to those that numbers imply
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
@@ -84,7 +85,7 @@ class Problem:
     ) -> Problem:
         """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
         wander, effects act, and equations with an error term among the effects are off, as far as
-        they may in a healthy vehicle."""
+        they may in a healthy vehicle, and no number is off by more than :data:`FURTHEST`."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = _counting_in_full(vehicle.machine.to_fit(usable))
@@ -106,7 +107,7 @@ class Problem:
         known = tuple(of_compiled(compiled, sought))
         names = {str(t) for t in known}
         errors = (each for each in vehicle.smooth_errors if acting(each) in names)
-        shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
+        shared = _shared(known, FURTHEST if discrepant else np.inf)
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
         places = {str(t): i for i, t in enumerate(shared) if isinstance(t, UnknownGain)}
@@ -342,6 +343,14 @@ def _has_prior(unknown: Unknown) -> bool:
     return not (
         isinstance(unknown, UnknownGain) or (isinstance(unknown, StatedGain) and unknown.exact)
     )
+
+
+def _shared(
+    known: Sequence[Unknown], most: float
+) -> list[UnknownParameter | StatedGain | UnknownGain]:
+    """What drives have in common, parameters off by ``most`` standard deviations at most."""
+    some = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
+    return [t.within(most) if isinstance(t, UnknownParameter) else t for t in some]
 
 
 def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[int, str]:

@@ -7,7 +7,7 @@ and the largest plausible value of a gain.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 from clutchest.estimate.whole_log import Compiled
@@ -29,6 +29,10 @@ class UnknownParameter:
 
     def __str__(self) -> str:
         return self.key
+
+    def within(self, most: float) -> UnknownParameter:
+        """The same, off by ``most`` standard deviations at most."""
+        return replace(self, lower=max(self.lower, -most), upper=min(self.upper, most))
 
 
 @dataclass(frozen=True, slots=True)
