@@ -128,7 +128,7 @@ def near(name: str) -> Record:
     causes = causes_of(verdict) if verdict.name in ("named", "ambiguous") else ()
     peaks = drive.vehicle.machine.peaks
     said = verdict.name
-    where = where_of(said, causes, verdict.errors, verdict.others, peaks)
+    where = where_of(said, causes, verdict.errors, verdict.others, verdict.instead, peaks)
     best = verdict.best if causes else search.null
     again = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
     fit = goodness_of_fit(problem, search.objective.less_scatter(again))
@@ -148,6 +148,7 @@ def near(name: str) -> Record:
         "equation": where and where.equation,
         "drivers": where and where.covariates[:4],
         "errors": where.errors if where else [],
+        "instead": where.instead if where else [],
         "expected": [kind.equations(), kind.drivers],
     }
 

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.answer import where_of
+from clutchest.discovery.experiment_design import sensor_for
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Cause, Form, FormCurve
+from clutchest.discovery.result import Cause, Form, FormCurve, places_words
+from clutchest.models import machine_of
 
 
 def refuted(effect: str, equation: str, driver: str, p_value: float) -> Cause:
@@ -23,7 +25,7 @@ def test_of_several_wrong_forms_the_surest_is_the_error():
         refuted("friction_slip", "torque", "slip_speed", 8e-7),
     )
     for order in (causes, causes[::-1]):
-        where = where_of("named", order, (), (), {})
+        where = where_of("named", order, (), (), (), {})
         assert where is not None
         assert (where.equation, where.covariates[0]) == ("torque", "slip_speed")
 
@@ -36,8 +38,23 @@ def test_an_error_that_has_a_name_goes_with_what_its_effect_reads():
         Curve("torque", "torque", covariate, knots, knots, np.eye(5), 50.0, 40.0, 1e-6)
         for covariate in ("time", "slip_speed", "temp_disc")
     ]
-    where = where_of("named", (cause,), errors, (), {})
+    where = where_of("named", (cause,), errors, (), (), {})
     assert where is not None
     assert where.covariates == ("slip_speed", "time", "temp_disc")
-    where = where_of("named", (replace(cause, drivers=()),), errors, (), {})
+    where = where_of("named", (replace(cause, drivers=()),), errors, (), (), {})
     assert where is not None and where.covariates[0] == "time"
+
+
+def test_an_error_that_may_be_in_either_of_two_equations_is_said_to_be():
+    knots = np.linspace(0.0, 1.0, 5)
+    errors = [
+        Curve(term, term, "engine_speed", knots, knots, np.eye(5), 50.0, 40.0, 1e-6)
+        for term in ("torque", "sensor:slave_position")
+    ]
+    where = where_of("unknown", (), errors, (), ["sensor:slave_position"], {})
+    assert where is not None and where.errors[0]["instead"] == ["sensor:slave_position"]
+    words = places_words(where)
+    assert words.startswith("the equation torque or in the readings of slave_position")
+    assert sensor_for("torque", "disc_heat", machine_of("dry_clutch")).words.startswith(
+        "a temperature sensor near the disc would tell"
+    )

@@ -120,7 +120,9 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
     monkeypatch.setattr(verdict, "located", lambda _, errors: SimpleNamespace(errors=errors))
-    monkeypatch.setattr(verdict, "several_errors", lambda place, free, level: [])
+    monkeypatch.setattr(
+        verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
+    )
     said = verdict._verdict(search, {}, [curve], {"b": 50.0})
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]

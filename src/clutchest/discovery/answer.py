@@ -99,17 +99,19 @@ def where_of(
     causes: Sequence[Cause],
     errors: Sequence[Curve],
     others: Sequence[Sequence[Curve]],
+    instead: Sequence[str],
     peaks: Mapping[str, str],
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
-    state stands for its ``peaks`` as well; ``others``: curves of other equations with errors.
+    state stands for its ``peaks`` as well; ``others``: curves of other equations with errors;
+    ``instead``: equations in which the first may be as well.
     Where forms are refuted, that which is most surely is the error, over its driver first; else the
     first cause is, over what its effect reads first."""
     if verdict == "none":
         return None
     if verdict == "unknown":
         first, *also = (_most_significant(each, peaks) for each in (errors, *others))
-        return replace(first, others=tuple(also))
+        return replace(first, others=tuple(also), instead=tuple(instead))
     curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
     of, own = causes[0], list(causes[0].drivers)
     if curves:

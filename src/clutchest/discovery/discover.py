@@ -22,7 +22,7 @@ from clutchest.discovery.answer import (
     where_of,
 )
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.experiment_design import experiment_for
+from clutchest.discovery.experiment_design import experiment_for, sensor_for
 from clutchest.discovery.extension import can_be_stated, corrected, extend
 from clutchest.discovery.foreseen import foreseen
 from clutchest.discovery.form_correction import form_correction
@@ -220,7 +220,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         outcome, after, fit_extended = outcome.doubted, before, None
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     peaks = task.vehicle.machine.peaks
-    where = where_of(outcome.name, causes, outcome.errors, verdict.others, peaks)
+    where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
     outcome, where = task.with_disagreement(outcome, distorted(left) if doubted else where)
     excited = any(each.excited for each in identifiable)
     above = loud(after, search.objective) if outcome.name == "none" else {}
@@ -371,7 +371,11 @@ def _other(task: _Task) -> HeldOut | None:
 
 
 def _experiment(task: _Task, verdict: SearchVerdict, outcome: _Outcome) -> Experiment | None:
-    """What would separate the causes, where they are ambiguous."""
+    """What would separate the causes, where they are ambiguous, or equations in one of which the
+    error is."""
+    if outcome.name == "unknown" and verdict.instead:
+        machine = task.vehicle.machine
+        return sensor_for(outcome.errors[0].equation, verdict.instead[0], machine)
     if outcome.name != "ambiguous":
         return None
     return experiment_for(verdict, task.vehicle, task.progress)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.result import Experiment
+from clutchest.discovery.result import Experiment, place_words
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.verdict import SearchVerdict
 from clutchest.errors import ClutchestError
@@ -58,6 +58,12 @@ def experiment_for(
         problem_of,
         progress,
     )
+
+
+def sensor_for(one: str, other: str, machine: Machine) -> Experiment:
+    """The sensor that would tell in which of two equations an error is."""
+    sensor, places = machine.sensor_to_separate([one, other]), map(place_words, (one, other))
+    return Experiment(f"{sensor} would tell whether the error is in {' or in '.join(places)}", None)
 
 
 def propose(

@@ -132,7 +132,7 @@ class Where:
     correlates with the highest value so far of the first; ``distorted``: the residuals of
     that sensor are not noise, and in which equation the error is they do not say; ``p_value`` of an
     error without a name, family-wise.  ``others``: equations that have an error of their own beside
-    it."""
+    it; ``instead``: equations in which it may be as well, as the data do not say which."""
 
     equation: str
     covariates: tuple[str, ...]
@@ -140,6 +140,7 @@ class Where:
     distorted: bool = False
     p_value: float | None = None
     others: tuple[Where, ...] = ()
+    instead: tuple[str, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """As ``discovery.json`` has it."""
@@ -149,7 +150,11 @@ class Where:
     def errors(self) -> list[dict[str, Any]]:
         """Every established error without a name, as ``discovery.json`` has it."""
         each = (self, *self.others)
-        return [{**w.summary(), "p_value": w.p_value} for w in each if w.p_value is not None]
+        return [
+            {**w.summary(), "instead": list(w.instead), "p_value": w.p_value}
+            for w in each
+            if w.p_value is not None
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +206,8 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """What would separate an ambiguous set; ``scenario`` None where no manoeuvre does."""
+    """What would separate an ambiguous set, or equations in one of which an error is; ``scenario``
+    None where no manoeuvre does."""
 
     words: str
     scenario: str | None
@@ -367,6 +373,12 @@ def place_words(equation: str) -> str:
     torque", "the readings of engine_torque"."""
     kind, colon, signal = equation.partition(",")[0].partition(":")
     return f"{_PLACE.get(kind, kind)} {signal}" if colon else f"the equation {kind}"
+
+
+def places_words(where: Where) -> str:
+    """Where an error is, or in one of which it is, in words."""
+    *others, last = (place_words(each) for each in (where.equation, *where.instead))
+    return f"{', in '.join(others)} or in {last} (the data do not say in which)" if others else last
 
 
 def either(sets: Sequence[Sequence[str]]) -> str:

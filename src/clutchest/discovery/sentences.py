@@ -10,7 +10,7 @@ import numpy as np
 from clutchest.discovery.answer import Sizes, sizes_by_effect, sizes_of
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
-from clutchest.discovery.result import Cause, FormCurve, Where, either, place_words
+from clutchest.discovery.result import Cause, FormCurve, Where, either, place_words, places_words
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
 from clutchest.shown import plus_minus
@@ -46,10 +46,7 @@ def sentence(
                 "No error of the equations is established, but the residuals are not noise: "
                 f"{fit.tests[0].words}."
             )
-        errors = [
-            f"an error in {place_words(w.equation)}{_correlation(w)}"
-            for w in (where, *where.others)
-        ]
+        errors = [f"an error in {places_words(w)}{_correlation(w)}" for w in (where, *where.others)]
         explains = f"no known cause explains {'these' if where.others else 'it'}"
         return f"There is {', and '.join(errors)}; {explains}."
     sizes = sizes_of(causes)

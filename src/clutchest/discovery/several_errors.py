@@ -31,20 +31,36 @@ MOST = 3  # equations
 COVARIATES = 8  # of an equation: so many curves at most are joined to its error
 WIDEST = 10.0  # standard deviation of these, in units of an error
 SEED = 5
+TIED = (
+    6.0  # of 2 ln of the Bayes factor, 20: what lags by less is not excluded (Kass, Raftery 1995)
+)
 
 
-def several_errors(place: Located, free: NDArray[np.int64], level: float) -> list[list[Curve]]:
-    """The equations that have an error, each by its curves, those whose sum it is likeliest to be
-    first: of those of the model without a cause, and others that are significant at a family-wise
-    ``level`` beside curves over all leading covariates of the rest; ``free`` unknowns (indices)
-    beside all.  Where curves are fitted in full, their order stays."""
+class Errors(NamedTuple):
+    """The equations that have an error, each by its curves, and those in which the first one's may
+    be ``instead``, by name: nearly as likely."""
+
+    found: list[list[Curve]]
+    instead: list[str]
+
+
+def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Errors:
+    """The equations that have an error, those whose sum of curves it is likeliest to be first: of
+    those of the model without a cause, and others that are significant at a family-wise ``level``
+    beside curves over all leading covariates of the rest; ``free`` unknowns (indices) beside all.
+    Where curves are fitted in full, their order stays."""
     errors, objective, fit, fitted = place
     at = CurvesAt.of(objective, fit)
     brief = at.problem.compiled.machine.durations if fitted else ()
     every = [table for table in at.every() if table.covariate not in brief]
     bare = Nuisances(fit, free, objective.prior)
-    first = _of_equation(errors, errors[0].equation)
-    found = [first if fitted else _likeliest(bare, at, errors)]
+    by_equation = {c.equation: _of_equation(errors, c.equation) for c in errors}
+    likely = {
+        name: own[0].evidence if fitted else evidence_joined(bare, _columns(at, own)).evidence
+        for name, own in by_equation.items()
+    }
+    ranked = sorted(likely, key=lambda name: -likely[name])
+    found = [by_equation[ranked[0]]]
     columns = [_columns(at, found[0])]
     while len(found) < MOST:
         beside = _beside(bare, columns)
@@ -61,8 +77,11 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> lis
         if not again or again[0].p_value >= level:
             found, columns = others, columns[1:]
     joined = [evidence_joined(bare, each) for each in columns]
-    ranked = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
-    return [found[i] if fitted else _first(found[i], joined[i].which) for i in ranked]
+    order = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
+    found = [found[i] if fitted else _first(found[i], joined[i].which) for i in order]
+    least = likely[found[0][0].equation] - TIED if found[0][0].equation == ranked[0] else np.inf
+    known = {each[0].equation for each in found}
+    return Errors(found, [n for n in ranked if likely[n] >= least and n not in known])
 
 
 class Joined(NamedTuple):
@@ -103,12 +122,6 @@ def evidence_joined(bare: Nuisances, curves: Sequence[CurveColumns]) -> Joined:
             break
         best = more
     return best
-
-
-def _likeliest(bare: Nuisances, at: CurvesAt, errors: Sequence[Curve]) -> list[Curve]:
-    """The curves of the equation whose error is the likeliest."""
-    each = [_of_equation(errors, name) for name in dict.fromkeys(c.equation for c in errors)]
-    return max(each, key=lambda own: evidence_joined(bare, _columns(at, own)).evidence)
 
 
 def _first(errors: Sequence[Curve], which: Sequence[int]) -> list[Curve]:

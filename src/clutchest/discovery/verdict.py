@@ -23,7 +23,7 @@ from clutchest.discovery.holdout_gain import held_out_gain
 from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Curve, Nuisances, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
-from clutchest.discovery.several_errors import several_errors
+from clutchest.discovery.several_errors import Errors, several_errors
 from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.map_fit import improve
 from clutchest.inference.problem import Problem
@@ -51,7 +51,8 @@ class SearchVerdict:
     uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
     first; ``unnamed``: whether they explain more than any cause.  ``dropped``: names of causes that
     are not confirmed on held-out drives.  ``forms``: the tests of the forms of all causes, by
-    effect.  ``others``: errors without a name in other equations beside the first one's.
+    effect.  ``others``: errors without a name in other equations beside the first one's;
+    ``instead``: equations in which that may be as well.
     """
 
     search: Search
@@ -66,6 +67,7 @@ class SearchVerdict:
     p_unnamed: float = 1.0
     forms: Mapping[str, TestedForm] = field(default_factory=dict)
     others: Sequence[Sequence[Curve]] = ()
+    instead: Sequence[str] = ()
 
     @property
     def name(self) -> str:
@@ -123,7 +125,9 @@ def _verdict(
     unnamed = _significant(remaining) and remaining[0].worth > denied
     p = errors[0].p_value if errors else 1.0
     forms, unnamed = _by_forms(search, best, unnamed)
-    unnamed, errors, several = _unnamed_errors(search, best, forms, errors, unnamed, denied)
+    unnamed, errors, (found, instead) = _unnamed_errors(
+        search, best, forms, errors, unnamed, denied
+    )
     for h in tied:
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
     search = replace(search, best=best)
@@ -139,7 +143,8 @@ def _verdict(
         [*dropped],
         p,
         forms,
-        several[1:],
+        found[1:],
+        instead,
     )
 
 
@@ -150,7 +155,7 @@ def _unnamed_errors(
     errors: Sequence[Curve],
     unnamed: bool,
     denied: float,
-) -> tuple[bool, Sequence[Curve], list[list[Curve]]]:
+) -> tuple[bool, Sequence[Curve], Errors]:
     """Whether an error remains ``unnamed``, as it does where one without a name explains more than
     the best causes, and 2 Δ ln L of what was ``denied``; the ``errors`` of the model without a
     cause; and those that are established, by equation."""
@@ -167,13 +172,13 @@ def _unnamed_errors(
     unnamed = unnamed or any(
         not _of_right_family(search, best, effect, forms[effect], errors) for effect in refuted
     )
-    several: list[list[Curve]] = []
+    several = Errors([], [])
     if unnamed:
         if place is None or not place.fitted:
             place = located(search, _beside_less_discrepancies(search) or errors)
         errors, several = place.errors, several_errors(place, search.free(()), UNNAMED)
-    if several:  # those of the leading equation first
-        leading = several[0]
+    if several.found:  # those of the leading equation first
+        leading = several.found[0]
         errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]
     return unnamed, errors, several
 

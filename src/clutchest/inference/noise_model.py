@@ -20,8 +20,10 @@ ORDER = 12  # longest memory tried, samples
 FEWEST = 60  # readings from which a model is made; below, white with the sensor's own level
 TAIL = 5.0  # standard deviations
 SLOWEST = 0.999  # reflection coefficient
-OF_STRETCH = 10.0  # readings of a stretch, in the mean, for each of memory: with a longer one, what
-# comes again in every stretch, as errors of the equations do, passes for noise with lines
+OF_STRETCH = (
+    10.0  # readings for each of memory, where stretches have fewer than FEWEST in the mean:
+)
+# else what comes again in every one, as errors of the equations do, passes for noise with lines
 GAP = 3.0  # sample periods; a longer gap begins a new stretch
 
 
@@ -110,8 +112,9 @@ class NoiseModel:
         _burg(forward, forward.copy(), of, place, counts, power, pairs, reflection)
         weights, level = np.zeros((*shape, ORDER)), np.ones(shape)
         for i, own_pairs in enumerate(pairs):
-            many = own_pairs[0] / (OF_STRETCH * max(own_pairs[0] - own_pairs[1], 1.0))
-            order = min(longest, max(int(many), 1)) if own_pairs[0] >= FEWEST else 0
+            mean = own_pairs[0] / max(own_pairs[0] - own_pairs[1], 1.0)
+            most = longest if mean >= FEWEST else max(int(mean / OF_STRETCH), 1)
+            order = min(longest, most) if own_pairs[0] >= FEWEST else 0
             weights[i], level[i] = _predictions(power[i], own_pairs, reflection[i], order)
         return cls(groups, weights, level)
 

@@ -16,6 +16,7 @@ from clutchest.discovery.result import (
     Size,
     either,
     place_words,
+    places_words,
 )
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
@@ -48,7 +49,7 @@ def whereabouts(discovery: Discovery) -> str | None:
     where = discovery.where
     if where is None or where.distorted:
         return None
-    place = place_words(where.equation)
+    place = places_words(where)
     words = [Quantity(name, "1").words for name in where.covariates[:3]]
     if where.peak:
         words[0] = f"the highest {words[0]} so far"
