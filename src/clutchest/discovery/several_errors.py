@@ -31,9 +31,7 @@ MOST = 3  # equations
 COVARIATES = 8  # of an equation: so many curves at most are joined to its error
 WIDEST = 10.0  # standard deviation of these, in units of an error
 SEED = 5
-TIED = (
-    6.0  # of 2 ln of the Bayes factor, 20: what lags by less is not excluded (Kass, Raftery 1995)
-)
+TIED = 6.0  # of 2 ln of the Bayes factor, 20: what lags by less is not excluded (Kass, Raftery)
 
 
 class Errors(NamedTuple):
