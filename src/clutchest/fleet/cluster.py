@@ -7,7 +7,7 @@ import gc
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from time import sleep
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ _FAILURES = "distributed.scheduler.allowed-failures"
 def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     """A client of the cluster at an address, or of one on this machine that ends with it."""
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     if scheduler is not None:
         try:
@@ -47,16 +47,29 @@ def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     with (
         # what has lost its worker is not given to the next one while that starts: see ``settle``
         dask.config.set({_ENVIRONMENT: environment, _FAILURES: 0}),
-        LocalCluster(
-            n_workers=workers or os.cpu_count() or 1,
-            threads_per_worker=1,
-            dashboard_address=None,
-            silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
-        ) as cluster,
+        _local_cluster(workers or os.cpu_count() or 1) as cluster,
         Client(cluster) as client,
     ):
         client.run(atexit.register, gc.freeze)  # what ends need not search for circles
         yield client
+
+
+@contextmanager
+def _local_cluster(workers: int) -> Iterator[Any]:
+    """So many workers on this machine."""
+    from distributed import LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        dashboard_address=None,
+        silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
+    )
+    try:
+        yield cluster
+    finally:
+        with suppress(KeyError):  # of Dask's list, as a worker that was lost is replaced meanwhile
+            cluster.close()
 
 
 def survived(future: Future, otherwise: Callable[[], Any]) -> Any:
