@@ -24,10 +24,7 @@ def convert(
     out: Annotated[
         Path,
         Option(
-            names=(
-                "-o",
-                "--output",
-            ),
+            names=("-o", "--output"),
             metavar="OUT",
             help="The log to write; its suffix says the format.",
         ),

@@ -50,10 +50,7 @@ State = Annotated[
 Interface = Annotated[
     str,
     Option(
-        names=(
-            "--interface",
-            "-i",
-        ),
+        names=("--interface", "-i"),
         metavar="I",
         help="An interface of python-can: socketcan, pcan, kvaser, vector, slcan, …; udp_multicast "
         "needs no hardware.",
@@ -62,10 +59,7 @@ Interface = Annotated[
 Channel = Annotated[
     str | None,
     Option(
-        names=(
-            "--channel",
-            "-c",
-        ),
+        names=("--channel", "-c"),
         metavar="C",
         help="Its channel: can0, PCAN_USBBUS1, …; may be left out where the interface has one.",
     ),

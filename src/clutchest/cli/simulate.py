@@ -135,10 +135,7 @@ Seed = Annotated[int, Option(metavar="N", least=0, help="Same seed, same drive."
 Output = Annotated[
     Path,
     Option(
-        names=(
-            "-o",
-            "--output",
-        ),
+        names=("-o", "--output"),
         metavar="LOG",
         help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
     ),
