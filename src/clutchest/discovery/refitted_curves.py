@@ -24,7 +24,7 @@ from clutchest.inference.covariates import FINE_KNOTS, hats
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve
-from clutchest.inference.objective import RUNAWAY, Objective
+from clutchest.inference.objective import Objective, runs_away
 from clutchest.inference.score_test import Projected, Projection
 from clutchest.inference.unknowns import UnknownGain
 from clutchest.inference.white_linearisation import Linearisation
@@ -129,7 +129,7 @@ class _Fits:
         theta = places(self.begin.problem)[curve.error_term]
         for _ in range(STEPS):
             there = self._along(at, self._step(at, by), bases, theta)
-            if there is None or np.abs(other := self.derivatives(curve, there)).max() > RUNAWAY:
+            if there is None or runs_away(other := self.derivatives(curve, there)):
                 break
             gained, at, by = at.cost - there.cost, there, other
             if gained < SETTLED:

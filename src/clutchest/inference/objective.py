@@ -300,7 +300,7 @@ class Objective:
             white = self._whiten(tables)
             r, active = white[:, 0], white[:, 1:]
             cost = self._cost(r, theta)
-        if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):
+        if runs_away(active):
             cost = np.inf  # nowhere to go on from
         implied = tuple(innovations.implied for innovations in raw)
         return Linearisation(theta, shapes, r, active, cost, raw, implied, raw[0].active)
@@ -340,3 +340,10 @@ class Objective:
         inside = theta.copy()
         inside[free] = np.clip(theta[free], self.low[free], self.high[free])
         return inside
+
+
+def runs_away(derivatives: Floats) -> bool:
+    """Whether derivatives (K, c) are so large, or NaN, that the equations have run away."""
+    if not derivatives.size:
+        return False
+    return not (derivatives.min() > -RUNAWAY and derivatives.max() < RUNAWAY)
