@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,9 +14,9 @@ import rerun as rr
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
-from clutchest.paths import named_in_utf8
 from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
+from clutchest.record.drained_file import DrainedFile
 from clutchest.record.quantities import OUTPUTS
 from clutchest.record.series import TIMELINE, index, outline
 from clutchest.record.tracking import figures_in_words
@@ -49,8 +50,9 @@ class LiveRecording:
         self._mode: str | None = None
         self._viewer: Viewer | None = None
         self._styled: set[str] = set()
-        self._failed = False  # what the thread that writes is asked for then is never answered
         self._path, self.address = path, ""
+        # where a write fails, Rerun may wait for ever; Windows has no pipe with a name to open
+        self._file = DrainedFile(path) if os.name == "posix" else None
         self._stream = rr.RecordingStream("clutchest", send_properties=False)
         sinks: list[Any] = []
         every = _EVERY
@@ -59,8 +61,10 @@ class LiveRecording:
             refuse_taken(serve)
             sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
         self._every = every
-        with named_in_utf8(path) as file:  # which is opened at once
-            self._stream.set_sinks(rr.FileSink(file, write_footer=False), *sinks)
+        target = path if self._file is None else self._file.entrance
+        self._stream.set_sinks(rr.FileSink(target, write_footer=False), *sinks)
+        if self._file is not None:
+            self._file.opened()
         self._stream.send_recording_name(f"{vehicle.name}, live")
         self._stream.send_blueprint(live_blueprint(known, TIMELINE))
         self._lane("mode", MODE_COLOURS)
@@ -139,21 +143,27 @@ class LiveRecording:
         self._since = None
         try:
             self._stream.flush(timeout_sec=FLUSH_S)
-        except RuntimeError as problem:  # the thread that writes ended, as it does on a full disk
-            self._failed = True
+        except RuntimeError as problem:
             raise ClutchestError(f"{self._path}: cannot be written any more: {problem}") from None
+        self._check()
 
     def close(self) -> None:
-        """Write the rest, unless writing failed before; the server and its viewer end."""
+        """Write the rest; the server and its viewer end."""
         try:
-            if not self._failed:
-                self.write()
+            self.write()
         finally:
-            if not self._failed:
-                with suppress(RuntimeError):
-                    self._stream.disconnect()
+            with suppress(RuntimeError):
+                self._stream.disconnect()
+            if self._file is not None:
+                self._file.close(FLUSH_S)
             if self._viewer is not None:
                 self._viewer.close()
+        self._check()
+
+    def _check(self) -> None:
+        if self._file is not None and (problem := self._file.problem) is not None:
+            words = f"{self._path}: cannot be written any more: {problem.strerror}"
+            raise ClutchestError(words) from problem
 
     def _style(self, kind: str, name: str, entity: str) -> None:
         if entity in self._styled:

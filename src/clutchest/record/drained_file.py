@@ -1,0 +1,45 @@
+"""A file for a library that waits for ever once a write has failed, as on a full disk."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from threading import Thread
+
+
+class DrainedFile:
+    """``path``, which grows by what is written to :attr:`entrance`, the end of a pipe.
+
+    Whoever writes there never sees a failure; ``problem`` is the first one.  What comes after it is
+    dropped.  Raises OSError where ``path`` cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.problem: OSError | None = None
+        self._file = path.open("wb", buffering=0)
+        reading, self._entrance = os.pipe()
+        self._pipe = os.fdopen(reading, "rb", buffering=0)
+        self._thread = Thread(target=self._drain, name=f"drain {path.name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def entrance(self) -> str:
+        """A path that can be opened for writing until :meth:`opened`."""
+        return f"/dev/fd/{self._entrance}"
+
+    def opened(self) -> None:
+        """The writer has opened :attr:`entrance`: the file is complete once it closes that."""
+        os.close(self._entrance)
+
+    def close(self, timeout: float) -> None:
+        """Wait for what is in the pipe, for at most ``timeout`` s."""
+        self._thread.join(timeout)
+
+    def _drain(self) -> None:
+        with self._pipe, self._file:
+            while data := self._pipe.read(1 << 16):
+                try:
+                    while data and self.problem is None:
+                        data = data[self._file.write(data) :]
+                except OSError as problem:
+                    self.problem = problem

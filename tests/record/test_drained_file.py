@@ -1,0 +1,36 @@
+"""A file that is written through a pipe is whole, and a disk that is full stops nobody."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchest.record.drained_file import DrainedFile
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes with names, of POSIX")
+
+
+def drained(path: Path, data: bytes) -> DrainedFile:
+    file = DrainedFile(path)
+    with Path(file.entrance).open("wb") as entrance:
+        file.opened()
+        entrance.write(data)
+    file.close(60.0)
+    return file
+
+
+def test_all_that_is_written_is_in_the_file(tmp_path):
+    data = np.random.default_rng(1).bytes(3_000_000)
+    path = tmp_path / "file"
+    assert drained(path, data).problem is None
+    assert path.read_bytes() == data
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is always full, of Linux")
+def test_a_full_disk_is_reported_and_the_writer_goes_on():
+    problem = drained(Path("/dev/full"), bytes(3_000_000)).problem
+    assert problem is not None and problem.errno == errno.ENOSPC
