@@ -7,6 +7,8 @@ Processor seconds of processes of their own, alternating with and without:
 - compiled code kept on disk;
 - the layout of a DBC kept on disk (``clutchest.can.layout_cache``);
 - pandas hidden from pyarrow while a replay is written (``clutchest.record.arrow``).
+
+Then, in an empty cache, what one replay after another costs whose model has another structure.
 """
 
 from __future__ import annotations
@@ -17,9 +19,13 @@ import subprocess
 import sys
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 
 from turns import in_turns
+
+from clutchest.shipped import locate
 
 VERB = """
 import contextlib, sys
@@ -40,10 +46,11 @@ database.load([locate("hdt_clutch", "dbc")])
 
 def seconds(program: str, **environment: str) -> float:
     """Processor time of a new process that runs ``program``."""
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before = os.times()
     done = subprocess.run(
         [sys.executable, "-c", program],
-        env={**os.environ, **environment},
+        env={**kept, **environment},
         capture_output=True,
         text=True,
     )
@@ -57,6 +64,34 @@ def fresh(program: str, **environment: str) -> float:
     """The same where nothing has been compiled or kept before."""
     with TemporaryDirectory() as empty:
         return seconds(program, CLUTCHEST_CACHE=empty, NUMBA_CACHE_DIR=empty, **environment)
+
+
+def structures(folder: str, turns: int) -> str:
+    """A line: processor seconds of one replay after another, nothing having been compiled."""
+    truck, rig, extended = "truck", "alsd_rig", f"{folder}/extended.toml"
+    effects = "friction_fade = { slope = 0.001 }\nwear = { rate = 0.02 }"
+    shipped = locate(truck, "vehicles").read_text(encoding="utf-8")
+    Path(extended).write_text(f"{shipped}\n[effects]\n{effects}\n", encoding="utf-8")
+    log, simulate = f"{folder}/rig.parquet", ["simulate", "--vehicle", rig, "--scenario"]
+    simulate += ["rig-steps", "--duration", "30", "-o", log]
+    subprocess.run([sys.executable, "-m", "clutchest", *simulate], check=True, capture_output=True)
+    runs = {
+        "the first": ("demo", truck),
+        "with effects": ("demo", extended),
+        "again": ("demo", extended),
+        "of the differential": (log, rig),
+        "again ": (log, rig),
+    }
+    costs: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(turns):
+        with TemporaryDirectory() as empty:
+            for name, (source, vehicle) in runs.items():
+                arguments = ["replay", source, "--vehicle", vehicle, "--out", f"{folder}/out"]
+                program = f"import sys, clutchest.cli as c; sys.argv[1:] = {arguments}; c.main()"
+                costs[name].append(seconds(program, CLUTCHEST_CACHE=empty))
+    return "replays by structure: " + ", ".join(
+        f"{name.strip()} {median(cost):.2f} s" for name, cost in costs.items()
+    )
 
 
 def comparisons(folder: str) -> dict[str, Callable[[bool], float]]:
@@ -97,6 +132,8 @@ def main() -> None:
             run(True)  # compiles, reads
             ways = {"without": partial(run, False), "with": partial(run, True)}
             print(in_turns(what, ways, given.turns, " s"), flush=True)
+        if given.only in "replays by structure":
+            print(structures(folder, given.turns))
 
 
 if __name__ == "__main__":
