@@ -38,3 +38,9 @@ def test_slip_of_late_fades_at_any_distance_from_the_records_begin():
     assert np.allclose(recent_slip(t, slides), known, rtol=0.0, atol=1e-10)
     assert not recent_slip(t, np.zeros(len(t), bool)).any()
     assert len(recent_slip(t[:0], slides[:0])) == 0
+
+
+def test_readings_that_are_far_apart_are_no_rests():
+    t = np.arange(6) * 4.0
+    _, engagements = rests(t, np.ones(6, bool))
+    assert np.array_equal(engagements, np.ones(6))

@@ -81,7 +81,7 @@ def rests(t: Floats, slides: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     if not len(sliding):
         return t - t[0], np.zeros(len(t))
     since = np.diff(t[sliding], prepend=t[0])
-    begins = since > PAUSE
+    begins = (since > PAUSE) & (np.diff(sliding, prepend=-1) > 1)  # slow readings are no rests
     begins[0] = True
     since[0] = since[begins].max()
     count = np.zeros(len(t))
