@@ -8,9 +8,9 @@ of the library in turn, of sizes from a tenth of the largest plausible one to al
 cause improves the fit by 2 Δ ln L of 40 or more it is taken for named, and its form is tested.
 ``near``: the suite's near misses in turn, a quarter or half as large as the class may be, as
 ``discover`` answers without a drive held out; an equation is said to be as likely where an error
-may be in it instead, or a cause of a tied set is.  A second table is of those that the suite's
-oracle can tell from effects of the library.  Finished cases are lines of JSON in DIR
-and are not run again.
+may be in it instead, or a cause of a tied set is; a driver where it is tied with the first.  A
+second table is of those that the suite's oracle can tell from effects of the library.  Finished
+cases are lines of JSON in DIR and are not run again.
 """
 
 from __future__ import annotations
@@ -132,6 +132,7 @@ def near(name: str) -> Record:
         "equation": where and where.equation,
         "drivers": where and where.covariates[:4],
         "errors": where.errors if where else [],
+        "tied": where.tied if where else (),
         "instead": [*(where.instead if where else ()), *equations_tied(found)],
         "expected": [kind.equations(), kind.drivers],
     }
@@ -205,6 +206,9 @@ def _rates_of_near(records: Sequence[Record]) -> dict[str, list[bool]]:
         ],
         "driver in the first two": [
             bool(set(r["expected"][1]) & set((r["drivers"] or [])[:2])) for r in records
+        ],
+        "driver, or said to be as likely": [
+            bool(set(r["expected"][1]) & {*(r["drivers"] or [])[:2], *r["tied"]}) for r in records
         ],
     }
 

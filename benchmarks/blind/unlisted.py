@@ -94,7 +94,7 @@ class HelicalThrust(NearMiss):
     position is read from."""
 
     name, equation, drivers = "helical_thrust", "sensor:slave_position", ("engine_torque",)
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "mm", 0.6
 
     def readings(self, true: Readings) -> Readings:
@@ -130,3 +130,22 @@ class CreepingHose(NearMiss):
             return true["slave_position"](t) + self.size * (of_late - true["slave_position"](t))
 
         return {**true, "slave_position": position}
+
+
+class TurboLag(NearMiss):
+    """Boost builds up more slowly than fuel, which is what the report is of: it is ahead of the
+    torque as that grows, and right as it falls."""
+
+    name, equation, drivers = "turbo_lag", "sensor:engine_torque", ("engine_torque_rate",)
+    others, listed = ("timing:engine_torque",), False
+    unit, largest = "s", 0.8
+
+    def readings(self, true: Readings) -> Readings:
+        most = 100.0 + 200.0 * self.phase  # Nm
+
+        def torque(t: Floats) -> Floats:
+            right = true["engine_torque"]
+            rate = (right(t + CLOSE) - right(np.maximum(t - CLOSE, 0.0))) / (2.0 * CLOSE)
+            return right(t) + np.clip(self.size * rate, 0.0, most)
+
+        return {**true, "engine_torque": torque}

@@ -58,3 +58,18 @@ def test_an_error_that_may_be_in_either_of_two_equations_is_said_to_be():
     assert sensor_for("torque", "disc_heat", machine_of("dry_clutch")).words.startswith(
         "a temperature sensor near the disc would tell"
     )
+
+
+def test_covariates_that_are_as_likely_as_the_first_are_said_to_be():
+    knots = np.linspace(0.0, 1.0, 5)
+    likely = {"temp_body": 900.0, "temp_body_peak": 899.0, "slip_rate": 896.0, "time": 880.0}
+    errors = [
+        Curve("torque", "torque", covariate, knots, knots, np.eye(5), 50.0, evidence, 1e-6)
+        for covariate, evidence in likely.items()
+    ]
+    peaks = {"temp_body_peak": "temp_body"}
+    where = where_of("unknown", (), errors, (), (), peaks)
+    assert where is not None and where.covariates == ("temp_body", "slip_rate", "time")
+    assert where.tied == ("slip_rate",) and where.errors[0]["tied"] == ["slip_rate"]
+    reordered = where_of("unknown", (), [errors[3], *errors], (), (), peaks)
+    assert reordered is not None and reordered.tied == ()  # held-out drives have said which

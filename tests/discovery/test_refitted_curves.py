@@ -145,6 +145,8 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
         ("report_and_bedding-171", "zero_position", "energy"),
         ("shaken_sensor-107", "sensor:slave_position", "engine_speed"),
         ("floating_fingers-115", "sensor:slave_position", "engine_speed"),
+        ("creeping_hose-302", "sensor:slave_position", "slave_position"),
+        ("helical_thrust-308", "sensor:slave_position", "engine_torque"),
     ],
 )
 def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariate: str) -> None:

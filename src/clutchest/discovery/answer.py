@@ -12,6 +12,7 @@ from clutchest.discovery.effect_drivers import drivers_of
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import UNTESTED, Cause, Rival, Size, Where
+from clutchest.discovery.several_errors import TIED
 from clutchest.discovery.verdict import SearchVerdict
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
@@ -135,9 +136,14 @@ def _most_significant(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Wher
 
 
 def _where(equation: str, errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
-    ranked = [c.covariate for c in errors if c.equation == equation]
-    names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
-    return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
+    own = [curve for curve in errors if curve.equation == equation]
+    names = dict.fromkeys(peaks.get(curve.covariate, curve.covariate) for curve in own)
+    least = max((curve.evidence for curve in own), default=0.0) - TIED
+    likely = dict.fromkeys(peaks.get(c.covariate, c.covariate) for c in own if c.evidence >= least)
+    # unless held-out drives say otherwise
+    tied = [n for n in likely if n != next(iter(names))] if own and own[0].evidence >= least else []
+    peak = bool(own) and own[0].covariate in peaks
+    return Where(equation, tuple(names), peak=peak, tied=tuple(tied))
 
 
 def distorted(fit: GoodnessOfFit) -> Where:

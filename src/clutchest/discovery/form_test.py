@@ -15,12 +15,12 @@ from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.deviation import FormDeviation, deviation
 from clutchest.discovery.effect_drivers import Standin, by_shapes, drivers_of, standin
+from clutchest.discovery.noise_blocks import noise_blocks
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     Curve,
     CurvesAt,
     Nuisances,
-    block_time,
     places,
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
@@ -130,7 +130,7 @@ def _deviation(at: CurvesAt, beside: Nuisances, table: CandidateCurve) -> FormDe
     ((columns, _),) = at.derivatives([table])
     gram = columns.T @ columns
     of = Projection.of(beside.at, beside.free, beside.prior).out_of(columns)
-    blocks = at.problem.blocks(block_time(at.problem))
+    blocks = noise_blocks(at.problem)
     return deviation(
         of.pure, beside.at.r, of.score, of.information, blocks, NEGLIGIBLE * gram, INEXACT
     )

@@ -24,7 +24,7 @@ from clutchest.discovery.holdout_gain import (
 from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
-from clutchest.inference.covariates import covariates, hats
+from clutchest.inference.covariates import covariates, hats, measured_at_rest
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve, with_noise_estimated
 from clutchest.inference.objective import Objective
@@ -63,7 +63,8 @@ class HeldOutCurves:
         objective = objective.with_span([fit.psi])
         fit = improve(objective, objective.judged(fit), free)
         place = places(other)
-        values = [covariates(*each) for each in zip(other.drives, fit.implied, strict=True)]
+        points = zip(other.drives, fit.implied, strict=True)
+        values = [covariates(drive, measured_at_rest(drive, at)) for drive, at in points]
         changes = np.zeros((len(fit.r), len(curves)))
         for change, curve in zip(changes.T, curves, strict=True):
             count = len(curve.at)

@@ -9,7 +9,7 @@ explain there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from clutchest.compute.records import Varying
 from clutchest.discovery.curve_evidence import covariance, freedom, principal_deviations
-from clutchest.discovery.residual_curves import NEGLIGIBLE, Curve, CurvesAt, places
+from clutchest.discovery.residual_curves import (
+    NEGLIGIBLE,
+    CandidateCurve,
+    Curve,
+    CurvesAt,
+    places,
+)
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import FINE_KNOTS, hats
 from clutchest.inference.innovations import NO_DERIVATIVES
@@ -31,7 +37,7 @@ from clutchest.inference.white_linearisation import Linearisation
 from clutchest.models.effects.effect import TIME
 from clutchest.signals import Floats
 
-LARGE = 100.0  # of a curve's worth: from here on, the first order is not exact
+LARGE = 50.0  # of a curve's worth: from here on, the first order is not exact
 AS_LIKELY = 0.25  # of the leading curve's evidence: others that have less are not fitted
 HALF = 0.5  # of the evidence of the term that is likeliest in full: further drivers are fitted
 LEADERS, DRIVERS, FINEST = 4, 5, 3  # curves that are fitted: of all, more of a term, finely
@@ -101,7 +107,8 @@ class _Fits:
     def from_none(self, curve: Curve) -> _Fitted:
         """A curve, fitted from none on."""
         begin, count = self.begin, len(curve.at)
-        at = next((at for at in begin.bends(curve.covariate) if len(at) == count), curve.at)
+        bends = begin.bends(curve.covariate, curve.error_term)
+        at = next((at for at in bends if len(at) == count), curve.at)
         return self._fitted(
             replace(curve, at=at), _Point(begin.objective, begin.fit, np.zeros(count))
         )
@@ -207,6 +214,13 @@ def _with_curve(
     return replace(objective, problem=replace(problem, drives=drives))
 
 
+def comes_and_goes(curve: Curve | CandidateCurve, brief: Container[str]) -> bool:
+    """Whether an error does within seconds: over time, or over one of the ``brief`` durations."""
+    return curve.covariate in brief or (
+        curve.covariate == TIME and len(curve.at) == max(FINE_KNOTS)
+    )
+
+
 def located(search: Search, errors: Sequence[Curve]) -> Located:
     """The ``errors`` of a search's model without a cause; where they are large, the leading ones as
     fitted in full before all others, and others beside the first are sought where that is."""
@@ -215,7 +229,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     # or after each beginning, it stands for any part that is slow or late
     brief = search.problem.compiled.machine.durations
     steady = [curve for curve in errors if curve.covariate not in brief]
-    some = [c for c in steady if c.covariate != TIME or len(c.at) < max(FINE_KNOTS)]
+    some = [curve for curve in steady if not comes_and_goes(curve, brief)]
     if not some or max(curve.worth for curve in some) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
     starts = _Fits.of(search)
@@ -231,7 +245,11 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
         if _evidence(leader) > likely:
             done |= {_key(curve): leader.by.from_none(curve) for curve in more}
     leading = sorted(done.values(), key=_evidence, reverse=True)
-    coarse = [e for e in leading[:FINEST] if len(e.curve.at) < FINE]
+    # where data are precise, five straight pieces of the true curve are none
+    least = AS_LIKELY * leading[0].curve.evidence
+    of_terms = {e.curve.error_term: e for e in reversed(leading) if e.curve.evidence > least}
+    finest = {_key(e.curve): e for e in (*leading[:FINEST], *of_terms.values())}
+    coarse = [e for e in finest.values() if len(e.curve.at) < FINE]
     finer = [each.by.finer(each) for each in coarse if each.curve.covariate != TIME]
     leading = sorted([*leading, *finer], key=_evidence, reverse=True)
     last = leading[-1].curve.evidence

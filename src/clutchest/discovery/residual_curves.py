@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.curve_evidence import covariance, evidence, expected
+from clutchest.discovery.curve_portions import held, portions
+from clutchest.discovery.noise_blocks import noise_blocks
 from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import (
     FINE_KNOTS,
@@ -24,6 +26,7 @@ from clutchest.inference.covariates import (
     covariates,
     hats,
     knots,
+    measured_at_rest,
     noise_in_derivatives,
 )
 from clutchest.inference.estimated_noise import INSIGNIFICANT, LONGEST, EstimatedNoise
@@ -41,10 +44,8 @@ from clutchest.signals import Floats
 
 DRAWS = 1000
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
-BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
 CLEAR = 100.0  # times the power of a curve's noise, from which on a remainder is a curve
 REGULATED = 0.2  # of its size: a covariate that moves less is held there
-ENTRIES = 1e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,8 @@ class CurvesAt:
     @classmethod
     def of(cls, objective: Objective, fit: Linearisation) -> CurvesAt:
         """With every covariate of every drive."""
-        drives = list(zip(objective.problem.drives, fit.implied, strict=True))
+        implied = zip(objective.problem.drives, fit.implied, strict=True)
+        drives = [(drive, measured_at_rest(drive, at)) for drive, at in implied]
         values = [covariates(*each) for each in drives]
         smooth = zip(drives, values, strict=True)
         noise = [noise_in_derivatives(*each, without) for each, without in smooth]
@@ -161,24 +163,40 @@ class CurvesAt:
     def every(self) -> list[CandidateCurve]:
         """Every curve over every covariate, by every error term."""
         place = places(self.problem)
-        # without a signal, some equations are others
-        machine = self.problem.compiled.machine
-        terms = {k: v for k, v in machine.error_terms.items() if k in place}
+        terms = self.problem.compiled.machine.error_terms
+        terms = {k: v for k, v in terms.items() if k in place}  # not all without a signal
         return [
-            CandidateCurve(term, error_term.equation, place[term], covariate, at)
+            CandidateCurve(term, terms[term].equation, place[term], covariate, at)
             for covariate in self.varying()
-            for at in self.bends(covariate)
+            for read, some in self._by_readings(terms).items()
+            for at in self._bends(covariate, read)
             if not self._regulated(covariate, at)
-            for term, error_term in terms.items()
-            if _is_tested(error_term, covariate, at)
+            for term in some
+            if _is_tested(terms[term], covariate, at)
         ]
 
-    def bends(self, covariate: str) -> tuple[Floats, ...]:
-        """Where curves over a covariate may bend, by where errors act."""
-        acts = np.concatenate([drive.tracked.act for drive in self.problem.drives]).astype(float)
+    def bends(self, covariate: str, term: str = "") -> tuple[Floats, ...]:
+        """Where curves over a covariate may bend, by where errors act; those of an error ``term``
+        that changes a reading, also by where it is read."""
+        compiled = self.problem.compiled
+        own = compiled.machine.error_terms.get(term)
+        return self._bends(covariate, own.readings(compiled.model.sensors) if own else ())
+
+    def _by_readings(self, terms: Mapping[str, ErrorTerm]) -> dict[tuple[int, ...], list[str]]:
+        """Sensors (indices) whose readings error terms change → names of these terms."""
+        sensors, found = self.problem.compiled.model.sensors, dict[tuple[int, ...], list[str]]()
+        for name, term in terms.items():
+            found.setdefault(term.readings(sensors), []).append(name)
+        return found
+
+    def _bends(self, covariate: str, read: tuple[int, ...]) -> tuple[Floats, ...]:
+        """By where errors act; as far as where sensors (indices) are ``read``."""
+        drives = self.problem.drives
+        acts = np.concatenate([d.tracked.act for d in drives]).astype(float)
         values = np.concatenate([v[covariate] for v in self.values])
         acts = acts if acts.any() else np.ones(len(acts))
-        return knots(self.problem.compiled.machine, covariate, values, acts)
+        reads = np.concatenate([np.isin(d.line.sensor, read) for d in drives])
+        return knots(self.problem.compiled.machine, covariate, values, acts, reads)
 
     def _regulated(self, covariate: str, at: Floats) -> bool:
         """Whether a covariate with knots ``at`` is held at one value: it still moves by what a loop
@@ -195,7 +213,7 @@ class CurvesAt:
     ) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
         """Derivatives (K, C) of the white innovations by every coefficient of the curves, and
         columns of each curve; some covariates at a time, as many as memory holds."""
-        for some in _portions(tables, _held(self.fit)):
+        for some in portions(tables, held(self.fit)):
             yield self._portion(some)
 
     def tested(self, beside: Nuisances, tables: Sequence[CandidateCurve], seed: int) -> list[Curve]:
@@ -213,7 +231,8 @@ class CurvesAt:
     def negligible(self, table: CandidateCurve, derivatives: Floats) -> Floats:
         """What of a curve's information (c, c) is no more than noise of its inputs, by its
         ``derivatives`` (K, c)."""
-        return table.negligible * _gram(derivatives) + CLEAR * _gram(self._by_noise(table))
+        known, noise = derivatives.T @ derivatives, self._by_noise(table)
+        return np.asarray(table.negligible * known + CLEAR * (noise.T @ noise))
 
     def _by_noise(self, table: CandidateCurve) -> Floats:
         """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
@@ -240,7 +259,7 @@ class CurvesAt:
     ) -> list[Curve]:
         """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
         choices = Counter(table.equation for table in tables)
-        blocks = self.problem.blocks(block_time(self.problem))
+        blocks = noise_blocks(self.problem)
         projection = Projection.of(beside.at, beside.free, beside.prior)
 
         def null(derivatives: Floats, c: Projected) -> Floats:
@@ -260,7 +279,7 @@ class CurvesAt:
             c = projection.out_of(derivatives.copy() if noise else derivatives)
             return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)
 
-        done = shared(judged, _portions(tables, _held(self.fit) // cores()))
+        done = shared(judged, portions(tables, held(self.fit) // cores()))
         most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
         # noise has a Bayes factor of B once in B times at most
         least = np.sort(np.exp(-most / 2.0))
@@ -275,17 +294,17 @@ class CurvesAt:
         self, some: Sequence[CandidateCurve]
     ) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
         """Derivatives by some curves, and columns of each."""
-        begins: dict[tuple[str, int], int] = {}
+        begins: dict[tuple[str, bytes], int] = {}
         bases: list[list[Floats]] = [[] for _ in self.values]
         for table in some:
             covariate, at = table.covariate, table.at
-            if (covariate, len(at)) not in begins:
-                begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
+            if (covariate, at.tobytes()) not in begins:
+                begins[covariate, at.tobytes()] = sum(basis.shape[1] for basis in bases[0])
                 for basis, v in zip(bases, self.values, strict=True):
                     basis.append(hats(v[covariate], at))
         counts = [len(table.at) for table in some]
         columns = np.concatenate(
-            [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
+            [begins[t.covariate, t.at.tobytes()] + np.arange(len(t.at)) for t in some]
         )
         thetas = np.repeat([table.theta for table in some], counts)
         modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
@@ -295,10 +314,6 @@ class CurvesAt:
         ends = np.cumsum(counts)
         own = zip(some, ends, strict=True)
         return derivatives, [(t, np.arange(end - len(t.at), end)) for t, end in own]
-
-
-def _gram(columns: Floats) -> Floats:
-    return np.asarray(columns.T @ columns)
 
 
 def _judged(
@@ -345,13 +360,6 @@ def _judged(
     return results, most
 
 
-def block_time(problem: Problem) -> float:
-    """s of a block in which noise may be of one kind."""
-    steps = [np.diff(np.unique(drive.readings.t)) for drive in problem.drives]
-    period = np.median(np.concatenate([*steps, np.zeros(0)])) if any(map(len, steps)) else 0.0
-    return max(BLOCK_TIME, BLOCK_READINGS * float(period))
-
-
 def _dispersion(
     pure: Floats, rest: Floats, blocks: NDArray[np.int64], spread: Floats, rank: float
 ) -> float:
@@ -377,20 +385,3 @@ def _is_tested(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
     return (not error_term.covariates or covariate in error_term.covariates) and not (
         error_term.slow and quick
     )
-
-
-def _held(fit: Linearisation) -> int:
-    """How many derivatives of all readings memory holds at a time."""
-    return max(int(ENTRIES / max(len(fit.r), 1)), cores())
-
-
-def _portions(tables: Sequence[CandidateCurve], held: int) -> Iterator[list[CandidateCurve]]:
-    """As many curves at a time as have no more than ``held`` columns, one at least."""
-    some: list[CandidateCurve] = []
-    for table in tables:
-        if some and sum(len(t.at) for t in some) + len(table.at) > held:
-            yield some
-            some = []
-        some.append(table)
-    if some:
-        yield some

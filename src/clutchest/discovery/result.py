@@ -132,7 +132,8 @@ class Where:
     correlates with the highest value so far of the first; ``distorted``: the residuals of
     that sensor are not noise, and in which equation the error is they do not say; ``p_value`` of an
     error without a name, family-wise.  ``others``: equations that have an error of their own beside
-    it; ``instead``: equations in which it may be as well, as the data do not say which."""
+    it; ``instead``: equations in which it may be as well, as the data do not say which; ``tied``:
+    covariates that it may correlate with instead of the first, likewise."""
 
     equation: str
     covariates: tuple[str, ...]
@@ -141,6 +142,7 @@ class Where:
     p_value: float | None = None
     others: tuple[Where, ...] = ()
     instead: tuple[str, ...] = ()
+    tied: tuple[str, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """As ``discovery.json`` has it."""
@@ -151,7 +153,12 @@ class Where:
         """Every established error without a name, as ``discovery.json`` has it."""
         each = (self, *self.others)
         return [
-            {**w.summary(), "instead": list(w.instead), "p_value": w.p_value}
+            {
+                **w.summary(),
+                "tied": list(w.tied),
+                "instead": list(w.instead),
+                "p_value": w.p_value,
+            }
             for w in each
             if w.p_value is not None
         ]

@@ -61,8 +61,9 @@ def _correlation(where: Where) -> str:
     """What an error correlates with, in words."""
     if not where.covariates:
         return ""
-    first = Quantity(where.covariates[0], "1").words
-    return f" that correlates with {f'the highest {first} so far' if where.peak else first}"
+    first, *others = (Quantity(name, "1").words for name in (where.covariates[0], *where.tied))
+    words = f" that correlates with {f'the highest {first} so far' if where.peak else first}"
+    return f"{words} (or, as likely, with {' or '.join(others)})" if others else words
 
 
 def refuted(cause: Cause, effect: Effect) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from clutchest.discovery.curve_evidence import evidence
-from clutchest.discovery.refitted_curves import Located
+from clutchest.discovery.refitted_curves import Located, comes_and_goes
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     Curve,
@@ -49,8 +49,8 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
     Where curves are fitted in full, their order stays."""
     errors, objective, fit, fitted = place
     at = CurvesAt.of(objective, fit)
-    brief = at.problem.compiled.machine.durations if fitted else ()
-    every = [table for table in at.every() if table.covariate not in brief]
+    brief = at.problem.compiled.machine.durations
+    every = [table for table in at.every() if not (fitted and comes_and_goes(table, brief))]
     bare = Nuisances(fit, free, objective.prior)
     by_equation = {c.equation: _of_equation(errors, c.equation) for c in errors}
     likely = {

@@ -5,6 +5,7 @@ surfaces have slid."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -31,6 +32,8 @@ BEGINNING = 3.0 ** -np.arange(3)  # parts of a duration: more happens at its beg
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 PAUSE = 0.5  # s, of a rest: what is shorter is noise of the speeds, or a change of the slip's sign
+ENDS = 0.002, 0.998  # quantiles of a covariate at which curves over it end
+BEYOND = 0.1  # of how far it goes: beyond, what is read elsewhere has a knot of its own
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
@@ -66,6 +69,15 @@ def covariates(
     series[RECENT_SLIP] = recent_slip(line.t, drive.tracked.act)
     series[TIME] = line.t
     return series
+
+
+def measured_at_rest(drive: PreparedDrive, at: OperatingPoint) -> OperatingPoint:
+    """An operating point with inputs as they are measured where equations do not act: there nothing
+    implies them."""
+    inputs, rests = at.inputs.copy(), ~drive.tracked.act
+    for j, by in at.corrections.items():
+        inputs[rests, j] -= by[rests]
+    return replace(at, inputs=inputs)
 
 
 def _duration(t: Floats, lasts: NDArray[np.bool_]) -> Floats:
@@ -167,14 +179,21 @@ def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
     return resting | {name for name, of in rates.items() if of in resting}
 
 
-def knots(machine: Machine, name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
+def knots(
+    machine: Machine,
+    name: str,
+    value: Floats,
+    where: Floats,
+    reads: NDArray[np.bool_] | None = None,
+) -> tuple[Floats, ...]:
     """Where curves over this covariate of a machine may bend: at its quantiles, counted with
-    weights ``where`` (K); evenly and also more finely over time and within a turn, where a torque
-    may ripple many times; nowhere for a covariate that does not move there."""
+    weights ``where`` (K), and where it ends where the error ``reads`` (K) as well; evenly and also
+    more finely over time and within a turn, where a torque may ripple many times; nowhere for a
+    covariate that does not move there."""
     inside = value[where > 0.0]
     if not len(inside) or not np.isfinite(inside).all():
         return ()
-    low, high = np.quantile(inside, [0.002, 0.998])
+    low, high = np.quantile(inside, ENDS)
     if high - low <= CONSTANT * max(abs(low), abs(high), 1e-9):
         return ()
     if name == TIME or name in machine.turns:
@@ -185,7 +204,13 @@ def knots(machine: Machine, name: str, value: Floats, where: Floats) -> tuple[Fl
     even = np.linspace(low, high, KNOTS)[1:-1]
     bends = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
     distinct = np.min(np.diff(bends)) > CONSTANT * (high - low)
-    return (bends if distinct else np.linspace(low, high, KNOTS),)
+    bends = bends if distinct else np.linspace(low, high, KNOTS)
+    if reads is not None and reads.any():
+        below, above = np.quantile(value[reads], ENDS)
+        lower = [below] if below < low - BEYOND * (high - low) else []
+        upper = [above] if above > high + BEYOND * (high - low) else []
+        bends = np.concatenate([lower, bends, upper])
+    return (bends,)
 
 
 def hats(value: Floats, at: Floats) -> Floats:

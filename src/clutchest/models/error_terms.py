@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
+
+from clutchest.models.symbols import Sensor
 
 Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
 
@@ -28,3 +30,7 @@ class ErrorTerm:
     slow: bool = False
     size: float = 1.0
     unit: str = "units of the error term"
+
+    def readings(self, sensors: Sequence[Sensor]) -> tuple[int, ...]:
+        """Indices of the ``sensors`` whose readings it changes."""
+        return tuple(i for i, s in enumerate(sensors) if f"{s.name}_reading" in self.changes)

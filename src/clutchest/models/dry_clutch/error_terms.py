@@ -9,10 +9,12 @@ from clutchest.models.error_terms import ErrorTerm
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
-# What is bolted to an engine is shaken by it, in a truck by the road, and dragged along by jerks.
+# What is bolted to an engine is shaken by it, in a truck by the road, dragged along by jerks, and
+# moved as torque rocks the engine and pushes shafts along.
 _ACTUATOR = (
     "slave_position",
     "position_rate",
+    "engine_torque",
     "engine_speed",
     "engine_acceleration",
     "vehicle_speed",
@@ -54,8 +56,9 @@ _ENGINES_BALANCE = (
     "temp_body_peak",
 )
 _ENGINES = (*_ENGINES_BALANCE, "vehicle_acceleration")  # oil in the sump surges with it
-# Not the slip's power, of which the torque itself is a part.
-_ADDED = (*_ENGINES_BALANCE, "engine_torque", "slip_rate")
+# Not the slip's power, of which the torque itself is a part, nor the engine's torque, which is what
+# the clutch's balances as it slips: it follows from friction.
+_ADDED = (*_ENGINES_BALANCE, "slip_rate")
 # A lining that rests takes up moisture and dries as it slips, and each engagement polishes it.  How
 # the engine speeds up is no cause of friction, but what follows from it.
 _FRICTION = (*_ADDED, "slip_power", "rest_time", "recent_slip", "engagements")
