@@ -127,7 +127,8 @@ def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: P
     certain = [problem.index(c.gain_name) for c, _ in beside]
     free = np.concatenate([problem.nuisances, certain]).astype(int)
     objective = Objective.of(problem)
-    objective = objective.with_noise_of(objective.linearise_at(np.zeros(len(theta)), shapes))
+    at = objective.linearise_at(np.zeros(len(theta)), shapes)
+    objective = objective.with_noise_of(at).with_discrepancies(at)
     fit = objective.linearise_at(theta, shapes, np.union1d(free, gains))
     scores: ScoreTest = score_test(
         fit,

@@ -206,7 +206,8 @@ def _cost(objective: Objective, innovations: Sequence[Floats], theta: Floats) ->
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:
     """A search that has found nothing yet, with another noise model, that of a ``fit``."""
     objective = replace(objective, problem=search.problem)
-    objective = objective.with_noise_of(objective.linearise_at(fit.theta, fit.shapes))
+    at = objective.linearise_at(fit.theta, fit.shapes)
+    objective = objective.with_noise_of(at).with_discrepancies(at)
     at = objective.white_at(fit.theta, fit.shapes)
     null = objective.white_at(search.null.fit.theta)
     objective = spanned(objective, [at, null], search.candidates)

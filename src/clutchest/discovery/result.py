@@ -153,12 +153,7 @@ class Where:
         """Every established error without a name, as ``discovery.json`` has it."""
         each = (self, *self.others)
         return [
-            {
-                **w.summary(),
-                "tied": list(w.tied),
-                "instead": list(w.instead),
-                "p_value": w.p_value,
-            }
+            {**w.summary(), "tied": list(w.tied), "instead": list(w.instead), "p_value": w.p_value}
             for w in each
             if w.p_value is not None
         ]

@@ -25,6 +25,7 @@ from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, Sco
 from clutchest.inference.sensor_ends import settled_off_ends
 from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
+from clutchest.memory import give_back
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
@@ -194,7 +195,8 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)
     fit = fit.as_point
-    fit, every = objective.relinearise(fit, fit.theta), candidates(problem)
+    give_back()
+    fit, every = replace(objective.relinearise(fit, fit.theta), raw=()), candidates(problem)
     derivatives = columns(objective, fit, every)
     objective = objective.with_span([fit.psi, derivatives])
     fit = objective.judged(fit)
@@ -318,7 +320,9 @@ def _judging_by(search: Search, best: CauseSet) -> Objective:
     every unknown and candidate changes there and in the model without a cause."""
     at = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
     objective = search.objective.with_noise_of(at)
-    at = replace(objective.whitened(at.as_measured), raw=())  # room for the derivatives
+    at = at.as_measured  # room for the white ones
+    objective = objective.with_discrepancies(at)
+    at = replace(objective.whitened(at), raw=())  # room for the derivatives
     return spanned(objective, [at, objective.white_at(search.null.fit.theta)], search.candidates)
 
 

@@ -22,6 +22,7 @@ from clutchest.inference.linear_solve import solved
 from clutchest.inference.objective import NO_SHAPES, Objective
 from clutchest.inference.unknowns import Shapes
 from clutchest.inference.white_linearisation import Linearisation
+from clutchest.memory import give_back
 from clutchest.signals import Floats
 
 COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
@@ -87,6 +88,8 @@ def settle(
     lin = improve(objective, begin, free, derivatives=False)
     for _ in range(turns):
         before = lin.r @ lin.r
+        objective, lin = replace(objective, span=None), lin.as_point  # room for all derivatives
+        give_back()
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
         lin = improve(objective, objective.judged(lin), free, derivatives=False)
@@ -109,6 +112,7 @@ def with_noise_estimated(
         )
     objective = objective.with_noise_of(lin)
     lin = lin.as_measured  # room for the white ones
+    objective = objective.with_discrepancies(lin)
     return objective, objective.whitened(lin)
 
 

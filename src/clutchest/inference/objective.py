@@ -125,8 +125,9 @@ class Objective:
         return replace(self, span=np.column_stack([self.span, directions[:, keep]]))
 
     def with_noise_of(self, lin: Linearisation) -> Objective:
-        """One whose noise model is that of what the innovations keep when every θ, causes too, has
-        taken its share: what a cause leaves in the data must not pass for noise."""
+        """One without discrepancies whose noise model is that of what the innovations keep when
+        every θ, causes too, has taken its share: what a cause leaves in the data must not pass for
+        noise."""
         inner = lin.information + np.eye(len(lin.theta))  # a cause is of a plausible size
         step = solved(inner, -lin.slope(lin.r))
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
@@ -134,7 +135,7 @@ class Objective:
         noise_model = NoiseModel.fit(self.stretches, rest)
         weights = self._within_reach(noise_model, rest)
         known = [drive.readings.input_noise for drive in self.problem.drives]
-        return self._weighted(noise_model, weights, known).with_discrepancies(lin)
+        return self._weighted(noise_model, weights, known)
 
     def in_noise_of(self, lin: Linearisation) -> Objective:
         """One in noise as the innovations of a linearisation show it, which take all that is left
