@@ -38,9 +38,8 @@ from clutchest.models.effects.effect import TIME
 from clutchest.signals import Floats
 
 LARGE = 50.0  # of a curve's worth: from here on, the first order is not exact
-AS_LIKELY = 0.25  # of the leading curve's evidence: others that have less are not fitted
-HALF = 0.5  # of the evidence of the term that is likeliest in full: further drivers are fitted
-LEADERS, DRIVERS, FINEST = 4, 5, 3  # curves that are fitted: of all, more of a term, finely
+AS_LIKELY = 0.25  # of the leading evidence: terms that have less, also in full, are left at that
+LEADERS, DRIVERS, FINEST = 4, 9, 3  # curves that are fitted: of all, more of a term, finely
 FINE = 12  # knots of a curve that bends more closely
 WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most
@@ -239,7 +238,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     done = {key: _best(starts, curve) for key, curve in {_key(c): c for c in first}.items()}
     # what explains most to first order may not do so in full
     of_terms = {each.curve.error_term: each for each in sorted(done.values(), key=_evidence)}
-    likely = HALF * max(map(_evidence, of_terms.values()))
+    likely = AS_LIKELY * max(map(_evidence, of_terms.values()))
     for term, leader in of_terms.items():
         more = [c for c in some if c.error_term == term and _key(c) not in done][:DRIVERS]
         if _evidence(leader) > likely:

@@ -75,7 +75,9 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
         if not again or again[0].p_value >= level:
             found, columns = others, columns[1:]
     joined = [evidence_joined(bare, each) for each in columns]
-    order = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
+    stays = int(fitted and found[0][0].equation == ranked[0])
+    rest = sorted(range(stays, len(found)), key=lambda i: -joined[i].evidence)
+    order = [*range(stays), *rest]
     found = [found[i] if fitted else _first(found[i], joined[i].which) for i in order]
     least = likely[found[0][0].equation] - TIED if found[0][0].equation == ranked[0] else np.inf
     known = {each[0].equation for each in found}
