@@ -9,7 +9,7 @@ from clutchest.inference.cores import cores
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
-ENTRIES = 1e7  # of derivatives, held at a time
+ENTRIES = 8e6  # of derivatives, held at a time
 
 
 class Knotted(Protocol):

@@ -272,6 +272,7 @@ class CurvesAt:
             return from_priors + resampled_scores(projection.r, c.pure, DRAWS, rng)
 
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
+            give_back()
             derivatives, some = self._portion(portion)
             negligible = [
                 self.negligible(table, derivatives[:, columns]) for table, columns in some

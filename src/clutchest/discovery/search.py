@@ -202,6 +202,8 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     fit = objective.judged(fit)
     scores = scored(objective, fit, free_of(problem, ()), every, derivatives, seed=1)
     null = CauseSet((), fit).bare
+    del fit, derivatives
+    give_back()
     return Search(objective, every, null, scores, null, unusual)
 
 
