@@ -6,16 +6,18 @@ import os
 from pathlib import Path
 from threading import Thread
 
+PIECE = 1 << 16  # bytes
+
 
 class DrainedFile:
     """``path``, which grows by what is written to :attr:`entrance`, the end of a pipe.
 
-    Whoever writes there never sees a failure; ``problem`` is the first one.  What comes after it is
-    dropped.  Raises OSError where ``path`` cannot be opened.
+    Whoever writes there never sees a failure; ``problem`` says why the file grows no more.  What
+    comes after that is dropped.  Raises OSError where ``path`` cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
-        self.problem: OSError | None = None
+        self.problem = ""
         self._file = path.open("wb", buffering=0)
         reading, self._entrance = os.pipe()
         self._pipe = os.fdopen(reading, "rb", buffering=0)
@@ -36,10 +38,14 @@ class DrainedFile:
         self._thread.join(timeout)
 
     def _drain(self) -> None:
-        with self._pipe, self._file:
-            while data := self._pipe.read(1 << 16):
-                try:
-                    while data and self.problem is None:
-                        data = data[self._file.write(data) :]
-                except OSError as problem:
-                    self.problem = problem
+        with self._pipe:
+            try:
+                with self._file:
+                    while data := self._pipe.read(PIECE):
+                        while data:
+                            data = data[self._file.write(data) :]
+            except BaseException as problem:  # whatever it is, who writes must not wait
+                reason = problem.strerror if isinstance(problem, OSError) else None
+                self.problem = reason or repr(problem)
+                while self._pipe.read(PIECE):
+                    pass

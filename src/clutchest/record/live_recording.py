@@ -161,9 +161,8 @@ class LiveRecording:
         self._check()
 
     def _check(self) -> None:
-        if self._file is not None and (problem := self._file.problem) is not None:
-            words = f"{self._path}: cannot be written any more: {problem.strerror}"
-            raise ClutchestError(words) from problem
+        if self._file is not None and self._file.problem:
+            raise ClutchestError(f"{self._path}: cannot be written any more: {self._file.problem}")
 
     def _style(self, kind: str, name: str, entity: str) -> None:
         if entity in self._styled:
