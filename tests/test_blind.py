@@ -834,3 +834,15 @@ def test_the_utility_of_ambiguous_sets_is_a_line():
     value = of_record(wrong, len({gain.split(".")[0] for gain in gains()}))
     assert found.count == 10 and found.value == pytest.approx((9 + value) / 10)
     assert found.low < found.value < found.high and found.passed == (found.value >= 0.95)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("group", "number"), [("flywheel", 118), ("hot-start", 102)])
+def test_slip_that_is_held_says_nothing_of_lateness(group, number):
+    """Speeds that hardly change, with outliers: their noise changes, and once seemed 16 ms late."""
+    from blind.plan import Case
+
+    from clutchest.discovery.speed_agreement import disagreement
+
+    drive = Case("mismatch", group, 0.0, "outliers", number).drive()
+    assert disagreement(drive.signals(), drive.vehicle) is None

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.special import ndtr
 
 from clutchest.discovery.result import Where
@@ -29,6 +29,7 @@ WIDE, CLOSE, STEPS = 0.05, 6.0, 12  # of the speed: slip that may be none, at fi
 NOISE = 0.25  # of that width, squared: less is no disagreement
 TURNS = 0.15  # of its highest speed: a shaft that turns
 LEAST = 20.0  # s, that the two turn together
+AROUND, MOSTLY = 1.0, 0.9  # s, of which they do in this share: just before, they slip a little
 BLOCK = 1.0  # s, in which what is left may correlate
 RATIO_SPREAD = 0.001  # of two healthy sensors, one over the other
 SURE = 5.0  # standard deviations, the healthy spread among them
@@ -290,7 +291,8 @@ class _Speeds:
         """The first over the second, less 1, were the latter so much ``late``."""
         second = self.second(late)
         wide = self._wide(second)
-        return float(self._robust(self.first - second, second[:, None], np.zeros(1), wide)[0][0])
+        column = second[:, None]
+        return float(self._robust(self.first - second, column, np.zeros(1), wide, column)[0][0])
 
     def _wide(self, second: Floats) -> float:
         """rad/s by which the speeds may differ at first while they turn together."""
@@ -310,8 +312,11 @@ class _Speeds:
         left in blocks, and for how many s the speeds agree."""
         second = self.second(near)
         columns = np.column_stack([second, np.gradient(second, STEP)])
+        # noise of the second has a slope too, which says nothing of lateness, and which the first
+        # has not
+        known = np.column_stack([second, np.gradient(self.first, STEP)])
         value, std, seconds = self._with_std(
-            self.first - second, columns, np.zeros(2), self._wide(second)
+            self.first - second, columns, np.zeros(2), self._wide(second), known
         )
         return value + np.array([0.0, near]), std, seconds
 
@@ -333,28 +338,37 @@ class _Speeds:
         return min(found, key=lambda each: float(np.sum(self.loss(each, late))))
 
     def _with_std(
-        self, off: Floats, columns: Floats, begin: Floats, wide: float
+        self,
+        off: Floats,
+        columns: Floats,
+        begin: Floats,
+        wide: float,
+        instruments: Floats | None = None,
     ) -> tuple[Floats, Floats, float]:
         """As ``_robust``: coefficients, their standard deviations (c) by what is left in blocks,
         and for how many s they describe the speeds."""
-        value, weight = self._robust(off, columns, begin, wide)
-        scores = columns * (weight * (off - columns @ value))[:, None]
+        by = columns if instruments is None else instruments
+        value, weight = self._robust(off, columns, begin, wide, by)
+        scores = by * (weight * (off - columns @ value))[:, None]
         each = np.column_stack([np.bincount(self.block, score) for score in scores.T])
-        inner = np.linalg.inv((columns.T * weight) @ columns + 1e-9 * np.eye(len(value)))
-        std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner))
+        inner = np.linalg.inv((by.T * weight) @ columns + 1e-9 * np.eye(len(value)))
+        std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner.T))
         return value, std, float(np.count_nonzero(weight)) * STEP
 
     def _robust(
-        self, off: Floats, columns: Floats, begin: Floats, wide: float
+        self, off: Floats, columns: Floats, begin: Floats, wide: float, instruments: Floats
     ) -> tuple[Floats, Floats]:
-        """Coefficients (c) of ``columns`` (n, c) in what the speeds are ``off`` (n), from where
-        they ``begin`` (c) on, and weights (n), by Tukey's, from ``wide`` on ever closer: where the
-        speeds slip on each other they do not count."""
+        """Coefficients (c) of ``columns`` (n, c) in what the speeds are ``off`` (n), by
+        ``instruments`` (n, c), which the noise of the columns is not in, from where they ``begin``
+        (c) on, and weights (n), by Tukey's, from ``wide`` on ever closer: where the speeds slip on
+        each other they do not count."""
         value: Floats = begin
         weight: Floats = np.zeros(len(off))
         for width in np.geomspace(wide, self.width, STEPS):
             left = off - columns @ value
-            weight = np.where(self.turns, np.maximum(1.0 - (left / width) ** 2, 0.0) ** 2, 0.0)
-            inner = (columns.T * weight) @ columns + 1e-9 * np.eye(len(value))
-            value = np.asarray(np.linalg.solve(inner, (columns.T * weight) @ off))
+            together = uniform_filter1d((np.abs(left) < width).astype(float), round(AROUND / STEP))
+            counts = self.turns & (together > MOSTLY)
+            weight = np.where(counts, np.maximum(1.0 - (left / width) ** 2, 0.0) ** 2, 0.0)
+            inner = (instruments.T * weight) @ columns + 1e-9 * np.eye(len(value))
+            value = np.asarray(np.linalg.solve(inner, (instruments.T * weight) @ off))
         return value, weight
