@@ -10,7 +10,6 @@ its own.  The kernel is timed per event of a city drive.
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from resource import RUSAGE_CHILDREN, getrusage
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
-from turns import in_turns
+from turns import in_turns, with_byte_code
 
 CLUTCHEST = "import sys; from clutchest.cli import main; sys.argv[0] = 'clutchest'; main()"
 ENGINES = """
@@ -32,7 +31,6 @@ drive = clutchest.read_log("minute.log", truck)
 result = runpy.run_path(sys.argv[1] + "/../benchmarks/engines.py")["compare"](drive, truck, 5)
 print(min(result["us_per_event"][sys.argv[2]]))
 """
-NO_BYTE_CODE = "PYTHONDONTWRITEBYTECODE"
 FILTERS = ("online (filterpy)", "kernel", "kernel with signatures")
 MADE = {"hour.log": 3600, "quarter.log": 900, "minute.log": 60}  # s of driving in the city
 
@@ -62,8 +60,10 @@ def cost(
     clock: Callable[[], float], program: str, arguments: list[str], source: Path, folder: Path
 ) -> float:
     """Seconds by the ``clock`` that a new process takes, or the number that it prints."""
-    environment = {name: value for name, value in os.environ.items() if name != NO_BYTE_CODE}
-    environment |= {"PYTHONPATH": str(source), "PYTHONPYCACHEPREFIX": str(folder / "bytes")}
+    environment = with_byte_code() | {
+        "PYTHONPATH": str(source),
+        "PYTHONPYCACHEPREFIX": str(folder / "bytes"),
+    }
     environment |= {"CLUTCHEST_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder)}
     before = clock()
     done = subprocess.run(

@@ -23,7 +23,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from turns import in_turns
+from turns import in_turns, with_byte_code
 
 from clutchest.shipped import locate
 
@@ -46,11 +46,10 @@ database.load([locate("hdt_clutch", "dbc")])
 
 def seconds(program: str, **environment: str) -> float:
     """Processor time of a new process that runs ``program``."""
-    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before = os.times()
     done = subprocess.run(
         [sys.executable, "-c", program],
-        env={**kept, **environment},
+        env=with_byte_code() | environment,
         capture_output=True,
         text=True,
     )
@@ -75,22 +74,22 @@ def structures(folder: str, turns: int) -> str:
     log, simulate = f"{folder}/rig.parquet", ["simulate", "--vehicle", rig, "--scenario"]
     simulate += ["rig-steps", "--duration", "30", "-o", log]
     subprocess.run([sys.executable, "-m", "clutchest", *simulate], check=True, capture_output=True)
-    runs = {
-        "the first": ("demo", truck),
-        "with effects": ("demo", extended),
-        "again": ("demo", extended),
-        "of the differential": (log, rig),
-        "again ": (log, rig),
-    }
-    costs: dict[str, list[float]] = {name: [] for name in runs}
+    runs = [
+        ("the first", "demo", truck),
+        ("with effects", "demo", extended),
+        ("again", "demo", extended),
+        ("of the differential", log, rig),
+        ("again", log, rig),
+    ]
+    costs: list[list[float]] = [[] for _ in runs]
     for _ in range(turns):
         with TemporaryDirectory() as empty:
-            for name, (source, vehicle) in runs.items():
+            for cost, (_, source, vehicle) in zip(costs, runs, strict=True):
                 arguments = ["replay", source, "--vehicle", vehicle, "--out", f"{folder}/out"]
                 program = f"import sys, clutchest.cli as c; sys.argv[1:] = {arguments}; c.main()"
-                costs[name].append(seconds(program, CLUTCHEST_CACHE=empty))
+                cost.append(seconds(program, CLUTCHEST_CACHE=empty))
     return "replays by structure: " + ", ".join(
-        f"{name.strip()} {median(cost):.2f} s" for name, cost in costs.items()
+        f"{name} {median(cost):.2f} s" for cost, (name, *_) in zip(costs, runs, strict=True)
     )
 
 

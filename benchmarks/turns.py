@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from statistics import median
+
+
+def with_byte_code() -> dict[str, str]:
+    """The environment in which Python keeps its byte code, as a user has it."""
+    return {name: v for name, v in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def in_turns(what: str, ways: Mapping[str, Callable[[], float]], turns: int, unit: str) -> str:

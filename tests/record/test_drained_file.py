@@ -16,8 +16,9 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes with names, of
 
 def drained(path: Path, data: bytes) -> DrainedFile:
     file = DrainedFile(path)
-    with Path(file.entrance).open("wb") as entrance:
-        file.opened()
+    with file.entrance() as path:
+        entrance = path.open("wb")
+    with entrance:
         entrance.write(data)
     file.close(60.0)
     return file

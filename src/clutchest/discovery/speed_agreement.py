@@ -333,7 +333,7 @@ class _Speeds:
         found = []
         for begin in (0.0, ratio):  # what is far from either may be slip that stays the same
             start = np.full(BENDS, begin)
-            value, std, _ = self._with_std(self.first - second, columns, start, wide)
+            value, std, _ = self._with_std(self.first - second, columns, start, wide, columns)
             found.append(RatioOverSpeed(speed, value, std))
         return min(found, key=lambda each: float(np.sum(self.loss(each, late))))
 
@@ -343,15 +343,14 @@ class _Speeds:
         columns: Floats,
         begin: Floats,
         wide: float,
-        instruments: Floats | None = None,
+        instruments: Floats,
     ) -> tuple[Floats, Floats, float]:
         """As ``_robust``: coefficients, their standard deviations (c) by what is left in blocks,
         and for how many s they describe the speeds."""
-        by = columns if instruments is None else instruments
-        value, weight = self._robust(off, columns, begin, wide, by)
-        scores = by * (weight * (off - columns @ value))[:, None]
+        value, weight = self._robust(off, columns, begin, wide, instruments)
+        scores = instruments * (weight * (off - columns @ value))[:, None]
         each = np.column_stack([np.bincount(self.block, score) for score in scores.T])
-        inner = np.linalg.inv((by.T * weight) @ columns + 1e-9 * np.eye(len(value)))
+        inner = np.linalg.inv((instruments.T * weight) @ columns + 1e-9 * np.eye(len(value)))
         std = np.sqrt(np.diag(inner @ (each.T @ each) @ inner.T))
         return value, std, float(np.count_nonzero(weight)) * STEP
 

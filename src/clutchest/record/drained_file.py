@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 
@@ -10,7 +12,7 @@ PIECE = 1 << 16  # bytes
 
 
 class DrainedFile:
-    """``path``, which grows by what is written to :attr:`entrance`, the end of a pipe.
+    """``path``, which grows by what is written to its :meth:`entrance`, the end of a pipe.
 
     Whoever writes there never sees a failure; ``problem`` says why the file grows no more.  What
     comes after that is dropped.  Raises OSError where ``path`` cannot be opened.
@@ -24,14 +26,13 @@ class DrainedFile:
         self._thread = Thread(target=self._drain, name=f"drain {path.name}", daemon=True)
         self._thread.start()
 
-    @property
-    def entrance(self) -> str:
-        """A path that can be opened for writing until :meth:`opened`."""
-        return f"/dev/fd/{self._entrance}"
-
-    def opened(self) -> None:
-        """The writer has opened :attr:`entrance`: the file is complete once it closes that."""
-        os.close(self._entrance)
+    @contextmanager
+    def entrance(self) -> Iterator[Path]:
+        """A path to open for writing within; the file is complete once the writer closes it."""
+        try:
+            yield Path(f"/dev/fd/{self._entrance}")
+        finally:
+            os.close(self._entrance)
 
     def close(self, timeout: float) -> None:
         """Wait for what is in the pipe, for at most ``timeout`` s."""

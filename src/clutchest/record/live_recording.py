@@ -14,6 +14,7 @@ import rerun as rr
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
+from clutchest.paths import named_in_utf8
 from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.drained_file import DrainedFile
@@ -50,6 +51,7 @@ class LiveRecording:
         self._mode: str | None = None
         self._viewer: Viewer | None = None
         self._styled: set[str] = set()
+        self._failed = False  # what Rerun is asked for then may never be answered
         self._path, self.address = path, ""
         # where a write fails, Rerun may wait for ever; Windows has no pipe with a name to open
         self._file = DrainedFile(path) if os.name == "posix" else None
@@ -61,10 +63,8 @@ class LiveRecording:
             refuse_taken(serve)
             sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
         self._every = every
-        target = path if self._file is None else self._file.entrance
-        self._stream.set_sinks(rr.FileSink(target, write_footer=False), *sinks)
-        if self._file is not None:
-            self._file.opened()
+        with self._file.entrance() if self._file else named_in_utf8(path) as file:
+            self._stream.set_sinks(rr.FileSink(file, write_footer=False), *sinks)  # opened at once
         self._stream.send_recording_name(f"{vehicle.name}, live")
         self._stream.send_blueprint(live_blueprint(known, TIMELINE))
         self._lane("mode", MODE_COLOURS)
@@ -144,18 +144,21 @@ class LiveRecording:
         try:
             self._stream.flush(timeout_sec=FLUSH_S)
         except RuntimeError as problem:
+            self._failed = True
             raise ClutchestError(f"{self._path}: cannot be written any more: {problem}") from None
         self._check()
 
     def close(self) -> None:
-        """Write the rest; the server and its viewer end."""
+        """Write the rest, unless Rerun failed before; the server and its viewer end."""
         try:
-            self.write()
+            if not self._failed:
+                self.write()
         finally:
-            with suppress(RuntimeError):
-                self._stream.disconnect()
-            if self._file is not None:
-                self._file.close(FLUSH_S)
+            if not self._failed:
+                with suppress(RuntimeError):
+                    self._stream.disconnect()
+                if self._file is not None:
+                    self._file.close(FLUSH_S)
             if self._viewer is not None:
                 self._viewer.close()
         self._check()
