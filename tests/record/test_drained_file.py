@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchest.record.drained_file import DrainedFile
+from clutchest.record.drained_file import DrainedFile, open_files
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes with names, of POSIX")
+pytestmark = pytest.mark.skipif(open_files() is None, reason="pipes with names, of POSIX")
 
 
 def drained(path: Path, data: bytes) -> DrainedFile:
-    file = DrainedFile(path)
+    file = DrainedFile(path, open_files())
     with file.entrance() as path:
         entrance = path.open("wb")
     with entrance:

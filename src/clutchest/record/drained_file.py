@@ -11,15 +11,26 @@ from threading import Thread
 PIECE = 1 << 16  # bytes
 
 
+def open_files() -> Path | None:
+    """The folder that names this process's open files by their numbers; Windows has none."""
+    folders = (
+        Path("/proc/self/fd"),
+        Path("/dev/fd"),
+    )  # the first on a bare Linux too
+    return next((folder for folder in folders if folder.is_dir()), None)
+
+
 class DrainedFile:
     """``path``, which grows by what is written to its :meth:`entrance`, the end of a pipe.
 
     Whoever writes there never sees a failure; ``problem`` says why the file grows no more.  What
-    comes after that is dropped.  Raises OSError where ``path`` cannot be opened.
+    comes after that is dropped.  ``names`` is a folder such as :func:`open_files`.  Raises OSError
+    where ``path`` cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, names: Path) -> None:
         self.problem = ""
+        self._names = names
         self._file = path.open("wb", buffering=0)
         reading, self._entrance = os.pipe()
         self._pipe = os.fdopen(reading, "rb", buffering=0)
@@ -30,7 +41,7 @@ class DrainedFile:
     def entrance(self) -> Iterator[Path]:
         """A path to open for writing within; the file is complete once the writer closes it."""
         try:
-            yield Path(f"/dev/fd/{self._entrance}")
+            yield self._names / str(self._entrance)
         finally:
             os.close(self._entrance)
 

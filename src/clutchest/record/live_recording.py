@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Mapping
 from contextlib import suppress
@@ -17,7 +16,7 @@ from clutchest.estimate.run import Track
 from clutchest.paths import named_in_utf8
 from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
-from clutchest.record.drained_file import DrainedFile
+from clutchest.record.drained_file import DrainedFile, open_files
 from clutchest.record.quantities import OUTPUTS
 from clutchest.record.series import TIMELINE, index, outline
 from clutchest.record.tracking import figures_in_words
@@ -53,8 +52,8 @@ class LiveRecording:
         self._styled: set[str] = set()
         self._failed = False  # what Rerun is asked for then may never be answered
         self._path, self.address = path, ""
-        # where a write fails, Rerun may wait for ever; Windows has no pipe with a name to open
-        self._file = DrainedFile(path) if os.name == "posix" else None
+        # where a write fails, Rerun may wait for ever
+        self._file = DrainedFile(path, names) if (names := open_files()) else None
         self._stream = rr.RecordingStream("clutchest", send_properties=False)
         sinks: list[Any] = []
         every = _EVERY
