@@ -74,6 +74,14 @@ def test_the_noise_of_what_rests_is_told_and_little_is_left():
     assert np.std(course.value - 4.8) < 0.0015
 
 
+def test_noise_alone_never_turns_an_input():
+    """In an hour at 200 Hz: where it did, a motor at rest was driven by noise as it is read."""
+    time = np.arange(720_000) * 0.005
+    read = NOISE * np.random.default_rng(11).standard_normal(len(time))
+    each = InterpolatedInput.at_samples(time, read, NOISE, 0.0)
+    assert np.all(each.at_rest != 0.0)
+
+
 def test_what_moves_is_followed_as_it_is_read():
     t = 0.005 * np.arange(400)
     read = np.where(t < 1.0, 12.0, 12.0 - 3.0 * np.sin(60.0 * (t - 1.0)))

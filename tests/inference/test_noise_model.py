@@ -170,8 +170,26 @@ def test_too_few_readings_stay_white():
     few, enough = (ar2(n, rng) for n in (FEWEST - 1, FEWEST))
     noise_model = NoiseModel.fit([one(FEWEST - 1)], [few])
     assert np.all(noise_model.weights == 0.0)
-    np.testing.assert_allclose(noise_model.level, np.sqrt(np.mean(few**2)))
+    of_sensor = (np.sum(few**2) + 1.0) / FEWEST  # the one that is lacking, as loud as stated
+    np.testing.assert_allclose(noise_model.level, np.sqrt((np.sum(few**2) + of_sensor) / FEWEST))
     assert np.any(NoiseModel.fit([one(FEWEST)], [enough]).weights != 0.0)
+
+
+def test_a_reading_alone_is_as_loud_as_the_others_of_its_sensor():
+    """One reading of a regime may lie as near 0 as it likes."""
+    n, lonely, level = 3000, 1500, 0.6
+    rng = np.random.default_rng(21)
+    rest, row = level * rng.standard_normal(n), np.zeros(n, int)
+    row[lonely], rest[lonely] = 2, 1e-3
+    one_sensor = Stretches.of(np.arange(n) * PERIOD, np.zeros(n, int), row)
+    noise_model = NoiseModel.fit([one_sensor], [rest])
+    white = noise_model.whiten(one_sensor, np.ones(n))
+    assert white[lonely] == pytest.approx(1.0 / level, rel=0.05)
+
+
+def test_readings_too_few_for_a_level_are_as_loud_as_stated():
+    few = NoiseModel.fit([one(1)], [np.array([1e-3])])
+    assert few.level[0, 0] == pytest.approx(1.0, rel=1.0 / FEWEST)
 
 
 def test_no_noise_does_no_harm():

@@ -16,7 +16,8 @@ WINDOW = 0.1  # s, over which inputs are smoothed
 BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth value
 FIVE = 5  # samples, which show how an input bends
 CLOSE = 7  # samples, within which what a state follows bends little
-CALM = 2.0  # standard deviations of noise, by which parabolas through so many may be off by chance
+CALM = 2.6  # standard deviations of noise; by more, 5.5 of their own difference, chance makes the
+# parabolas through so many differ from the wide ones once in 10⁷ samples
 TURNS = 4.0  # standard deviations of that, from which on it is no noise
 GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 

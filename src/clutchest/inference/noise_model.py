@@ -17,7 +17,8 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 ORDER = 12  # longest memory tried, samples
-FEWEST = 60  # readings from which a model is made; below, white with the sensor's own level
+FEWEST = 60  # readings from which a group's model is its own; with fewer, white
+SENSOR = 64  # groups of one sensor are numbered from its own number times this on
 TAIL = 5.0  # standard deviations
 SLOWEST = 0.999  # reflection coefficient
 OF_STRETCH = (
@@ -38,7 +39,7 @@ class Stretches:
     @classmethod
     def of(cls, t: Floats, sensor: NDArray, row: NDArray) -> Stretches:
         """From readings sorted by sensor, then time."""
-        group = sensor.astype(np.int64) * 64 + row
+        group = sensor.astype(np.int64) * SENSOR + row
         place = np.zeros(len(t), np.int64)
         if len(t) < 2:
             return cls(group, place)
@@ -110,6 +111,7 @@ class NoiseModel:
         shape = len(groups), ORDER + 1
         power, pairs, reflection = np.zeros(len(groups)), np.zeros(shape), np.zeros(shape)
         _burg(forward, forward.copy(), of, place, counts, power, pairs, reflection)
+        power = _of_few(power, pairs[:, 0], groups // SENSOR)
         weights, level = np.zeros((*shape, ORDER)), np.ones(shape)
         for i, own_pairs in enumerate(pairs):
             mean = own_pairs[0] / max(own_pairs[0] - own_pairs[1], 1.0)
@@ -154,6 +156,21 @@ def _tamed(e: Floats, group: NDArray[np.int64]) -> Floats:
         if scale > 0.0:
             near[rows] = np.clip(e[rows], -TAIL * scale, TAIL * scale)
     return near
+
+
+def _of_few(power: Floats, count: Floats, sensor: NDArray[np.int64]) -> Floats:
+    """Mean square (G) of groups with a ``power`` (G) of so many readings ``count`` (G): what they
+    lack of FEWEST counts as the other readings of their ``sensor`` (G) do, and what all of a
+    sensor lack as stated, 1.  One reading alone may lie as near 0 as it likes."""
+    out = power.copy()
+    for one in np.unique(sensor):
+        own = sensor == one
+        readings = count[own].sum()
+        lack = max(FEWEST - readings, 0.0)
+        of_sensor = (max(power[own] @ count[own], 0.0) + lack) / (readings + lack)
+        lacking = np.maximum(FEWEST - count[own], 0.0)
+        out[own] = (power[own] * count[own] + lacking * of_sensor) / (count[own] + lacking)
+    return out
 
 
 def _predictions(
