@@ -120,7 +120,8 @@ def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
     known |= {"slip_speed", "position_rate", "energy", "time"}
     known |= {"clutch_torque", "input_shaft_rate", "slip_power", "slip_rate", "rest_time"}
     known |= {"engagements", "engine_acceleration", "vehicle_acceleration", "slip_angle"}
-    known |= {"recent_slip", "recent_position", "engine_torque_rate"}
+    known |= {"recent_slip", "recent_movement", "engine_torque_rate"}
+    known |= {"gear", "recent_torque", "recent_travel"}
     assert not set(FOREIGN) & set(machine_of("dry_clutch").effects)
     for kind in FOREIGN.values():
         assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__

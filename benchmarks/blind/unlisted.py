@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 from blind.outsiders import Floats, Law, Outsider, Readings, Seen
 
 NEAR = 0.1  # s, on both sides, over which a truck speeds up
-CLOSE = 0.05  # s, from one step of a hose's creeping to the next
+CLOSE = 0.05  # s, from one step of what fades to the next
+LATE = 20.0  # s, over which a hub settles and a coil cools
 
 
 class NearMiss(Outsider):
@@ -73,7 +74,7 @@ class GlazedPatch(NearMiss):
     flywheel."""
 
     name, equation, drivers = "glazed_patch", "torque", ("slip_angle", "slip_speed")
-    others, listed = ("sensor:engine_speed", "engine_speed"), False
+    others = ("sensor:engine_speed", "engine_speed")  # listed since it was missed
     unit, largest = "1", 0.4
     pace: ClassVar[float] = 0.005  # s
 
@@ -113,9 +114,9 @@ class CreepingHose(NearMiss):
     name, equation, drivers = (
         "creeping_hose",
         "sensor:slave_position",
-        ("recent_position", "slave_position"),
+        ("recent_movement", "slave_position"),
     )
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "1", 0.2
 
     def readings(self, true: Readings) -> Readings:
@@ -137,7 +138,7 @@ class TurboLag(NearMiss):
     torque as that grows, and right as it falls."""
 
     name, equation, drivers = "turbo_lag", "sensor:engine_torque", ("engine_torque_rate",)
-    others, listed = ("timing:engine_torque",), False
+    others = ("timing:engine_torque",)  # listed since it was missed
     unit, largest = "s", 0.8
 
     def readings(self, true: Readings) -> Readings:
@@ -149,3 +150,65 @@ class TurboLag(NearMiss):
             return right(t) + np.clip(self.size * rate, 0.0, most)
 
         return {**true, "engine_torque": torque}
+
+
+class BentShaft(NearMiss):
+    """Every pair of gears bends the input shaft in its own way, and tilts the disc: friction is
+    another one in every gear."""
+
+    name, equation, drivers = "bent_shaft", "torque", ("gear",)
+    listed = False
+    unit, largest = "1", 0.6
+
+    def law(self) -> Law:
+        ratio, knee = 50.0, 10.0 + 20.0 * self.phase  # rad/m
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal ratio
+            if seen["vehicle_speed"] > 1.0:
+                ratio = abs(seen["input_shaft_speed"]) / seen["vehicle_speed"]
+            return {"torque_share": -self.size * float(np.exp(-ratio / knee))}
+
+        return act
+
+
+class SettledHub(NearMiss):
+    """The hub sticks on its splines where the torque that it carried of late has pressed it."""
+
+    name, equation, drivers = "settled_hub", "zero_position", ("recent_torque",)
+    others, listed = ("sensor:slave_position",), False
+    unit, largest = "mm", 0.8
+
+    def law(self) -> Law:
+        least = 200.0 + 400.0 * self.phase  # Nm
+        recent = before = 0.0
+
+        def act(seen: Seen) -> dict[str, float]:
+            nonlocal recent, before
+            since, before = max(seen["time"] - before, 0.0), seen["time"]
+            recent += (seen["clutch_torque"] - recent) * (1.0 - np.exp(-since / LATE))
+            return {"zero_position": self.size * float(np.tanh(recent / least))}
+
+        return act
+
+
+class WarmedCoil(NearMiss):
+    """The actuator's motor warms the coil of the position sensor beside it: it reads high after
+    much travel."""
+
+    name, equation, drivers = "warmed_coil", "sensor:slave_position", ("recent_travel",)
+    others, listed = ("zero_position",), False
+    unit, largest = "mm", 0.8
+
+    def readings(self, true: Readings) -> Readings:
+        least = 0.5 + 1.0 * self.phase  # mm/s
+
+        def position(t: Floats) -> Floats:
+            steps = np.arange(0.0, np.max(t, initial=0.0) + CLOSE, CLOSE)
+            kept = np.exp(-CLOSE / LATE)
+            travel = np.abs(np.gradient(true["slave_position"](steps), CLOSE))
+            warmth = lfilter([1.0 - kept], [1.0, -kept], travel)
+            high = self.size * np.tanh(warmth / least)
+            return true["slave_position"](t) + np.interp(t, steps, high)
+
+        return {**true, "slave_position": position}

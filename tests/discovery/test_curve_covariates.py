@@ -10,15 +10,24 @@ from clutchest.models import shipped_machines
 from clutchest.models.curve_effect import curve_effects
 from clutchest.models.declarations import RECENT, RECENT_SLIP
 from clutchest.models.error_curve import ErrorCurve
+from clutchest.models.machine import Machine
+from clutchest.vehicle import load_vehicle
 from equations import argument_names, evaluator
 
 ALSD = next(machine for machine in shipped_machines() if machine.name == "alsd")
+TRUCK = next(machine for machine in shipped_machines() if machine.name == "dry_clutch")
 
 
-def with_curve(error_term: str, covariate: str, at: tuple[float, ...], values: tuple[float, ...]):
-    full = ALSD.equations(ALSD.units)
+def with_curve(
+    error_term: str,
+    covariate: str,
+    at: tuple[float, ...],
+    values: tuple[float, ...],
+    machine: Machine = ALSD,
+):
+    full = machine.equations(machine.units)
     return full.with_effects(
-        curve_effects("curve_1", ErrorCurve(error_term, covariate, at, values), ALSD)
+        curve_effects("curve_1", ErrorCurve(error_term, covariate, at, values), machine)
     )
 
 
@@ -54,6 +63,34 @@ def test_slip_of_late_grows_in_slip_and_fades_at_rest(power, rate):
     known = made(slides)
     assert (known["power"] > 0.0) == (power > 0.0)
     assert known[f"curve_1_{RECENT_SLIP}_rate"] == pytest.approx(rate, rel=1e-9)
+
+
+@pytest.mark.parametrize(("turned", "error"), [(math.pi / 2.0, 0.5), (5.0 * math.pi, 1.0)])
+def test_the_angle_of_a_speed_is_its_integral(turned, error):
+    at = (0.0, math.pi, 2.0 * math.pi)
+    model = with_curve("torque", "slip_angle", at, (0.0, 1.0, 0.0), TRUCK)
+    made = evaluator(model, ["sliding_torque", "curve_1_slip_angle_rate", "slip_speed"])
+    here = ones(model) | {k: v.value for k, v in load_vehicle("truck").parameters.items()}
+    here |= {"slave_position": 41.0, "zero_position": 38.4, "temp_body": 70.0, "temp_disc": 70.0}
+    here |= {"engine_speed": 150.0, "input_shaft_speed": 90.0, "curve_1_slip_angle": turned}
+    slides, bare = made(here), made({**here, "curve_1.size": 0.0})
+    assert slides["curve_1_slip_angle_rate"] == slides["slip_speed"] == 60.0
+    assert bare["sliding_torque"] != 0.0
+    share = 1.0 + 0.1 * error
+    assert slides["sliding_torque"] == pytest.approx(share * bare["sliding_torque"], rel=1e-9)
+
+
+def test_a_departure_is_from_a_mean_whose_weight_grows():
+    own = "curve_1_recent_movement"
+    at = (-10.0, 0.0, 10.0)
+    model = with_curve("sensor:slave_position", "recent_movement", at, (-1.0, 0.0, 1.0), TRUCK)
+    made = evaluator(model, ["slave_position", f"{own}_rate", f"{own}_weight_rate"])
+    here = {**ones(model), "slave_position": 46.0, own: 0.25 * 42.0, f"{own}_weight": 0.25}
+    known = made(here)
+    right = known["slave_position"]  # its mean of late is that of right readings
+    assert right == pytest.approx(46.0 - 0.1 * 0.4, rel=1e-12)
+    assert known[f"{own}_weight_rate"] == pytest.approx(0.75 / RECENT)
+    assert known[f"{own}_rate"] == pytest.approx((right - 0.25 * 42.0) / RECENT, rel=1e-12)
 
 
 @pytest.mark.parametrize("voltage", [12.0, -7.0])

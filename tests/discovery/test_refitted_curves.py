@@ -13,6 +13,7 @@ import pytest
 import clutchest
 from clutchest.compute.records import Varying
 from clutchest.discovery.curve_evidence import covariance, evidence, freedom
+from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
 from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Nuisances, curves
 from clutchest.discovery.search import begin
@@ -131,6 +132,8 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
     known = {name: quantity_of(TRUCK.machine, name) for name in TRUCK.machine.rates}
     assert known["position_rate"].unit == "mm/s"
     assert known["slip_rate"].unit == "rad/s^2"
+    assert quantity_of(TRUCK.machine, "slip_angle").unit == "rad"
+    assert quantity_of(TRUCK.machine, "recent_movement").unit == "mm"
     assert convert(2.0, known["slip_rate"].unit, "rad/s^2") == 2.0
 
 
@@ -145,7 +148,11 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
         ("report_and_bedding-171", "zero_position", "energy"),
         ("shaken_sensor-107", "sensor:slave_position", "engine_speed"),
         ("floating_fingers-115", "sensor:slave_position", "engine_speed"),
-        ("creeping_hose-302", "sensor:slave_position", "slave_position"),
+        ("creeping_hose-302", "sensor:slave_position", "recent_movement"),
+        ("creeping_hose-340", "sensor:slave_position", "recent_movement"),
+        ("glazed_patch-344", "torque", "slip_angle"),
+        ("turbo_lag-361", "sensor:engine_torque", "engine_torque_rate"),
+        ("oil_surge-349", "engine_speed", "vehicle_acceleration"),
         ("helical_thrust-308", "sensor:slave_position", "engine_torque"),
     ],
 )
@@ -164,7 +171,11 @@ def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariat
     search = begin(problem_of(segmented(drive.signals(outsider=outsider), drive.vehicle), drive))
     fit = search.objective.white_at(search.null.fit.theta)
     beside = Nuisances(fit, search.free(()), search.objective.prior)
-    errors = located(search, curves(search.objective, fit, beside, seed=3)).errors
+    beside_noise = with_noise_beside_curves(search, curves(search.objective, fit, beside, seed=3))
+    fit = beside_noise.objective.white_at(beside_noise.null.fit.theta)
+    beside = Nuisances(fit, search.free(()), search.objective.prior)
+    errors = curves(beside_noise.objective, fit, beside, seed=3)
+    errors = located(beside_noise, errors).errors
     assert errors[0].equation == equation
     own = list(dict.fromkeys(curve.covariate for curve in errors if curve.equation == equation))
     assert covariate in own[:2]

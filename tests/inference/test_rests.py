@@ -1,10 +1,10 @@
-"""How often surfaces have slid, and after how long a rest."""
+"""How often surfaces slide, after how long a rest, and how far a quantity is from its mean."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from clutchest.inference.covariates import recent_slip, rests
+from clutchest.inference.covariates import departure, recent_slip, rests
 from clutchest.models.declarations import RECENT
 
 
@@ -44,3 +44,15 @@ def test_readings_that_are_far_apart_are_no_rests():
     t = np.arange(6) * 4.0
     _, engagements = rests(t, np.ones(6, bool))
     assert np.array_equal(engagements, np.ones(6))
+
+
+def test_a_departure_is_from_the_mean_of_late_however_readings_come():
+    t = np.sort(np.random.default_rng(8).uniform(0.0, 300.0, 3000))
+    value = 40.0 + 10.0 * (np.sin(t / 15.0) > 0.0)
+    spans = np.diff(t, prepend=t[0])
+    for k in (1, 7, 500, 2999):
+        share = -np.expm1(-spans[: k + 1] / RECENT) * np.exp((t[: k + 1] - t[k]) / RECENT)
+        mean = np.average(value[: k + 1], weights=share)
+        assert np.isclose(departure(t, value)[k], value[k] - mean, rtol=0.0, atol=1e-9)
+    assert not departure(t, np.full(len(t), 3.0)).round(9).any()
+    assert len(departure(t[:0], value[:0])) == 0

@@ -45,7 +45,7 @@ def with_noise_of_likeliest(search: Search) -> Search:
     significant = search.null_scores.least_p <= LEVEL
     if (known and significant) or not loud(search.null.fit, search.objective):
         return search
-    begin = _as_loud(search)
+    begin = as_loud(search)
     likely = _likely_by_first_order(search, begin)
     scores = zip(search.candidates, search.null_scores.z, strict=True)
     tasks = [(c, size) for c, z in scores if c in likely for size in _sizes(c, float(z))]
@@ -182,7 +182,7 @@ def _costed(objective: Objective, fit: Linearisation) -> Settled:
     return cost, replace(objective, span=None), fit
 
 
-def _as_loud(search: Search) -> Objective:
+def as_loud(search: Search) -> Objective:
     """An objective in white noise as loud as what the model without a cause leaves."""
     known, null = search.objective, search.null.fit
     begin = Objective.of(replace(search.problem, discrepancies=()))
@@ -193,8 +193,13 @@ def _as_loud(search: Search) -> Objective:
 def _cost(objective: Objective, innovations: Sequence[Floats], theta: Floats) -> float:
     """−2 ln(probability) of ``innovations`` (K) of each drive at ``theta`` (m) in noise as they
     show it, that of the noise included."""
-    own = NoiseModel.fit(objective.stretches, innovations)
-    cost = float(np.sum(objective.prior * theta**2))
+    return cost_of_noise(objective, innovations) + float(np.sum(objective.prior * theta**2))
+
+
+def cost_of_noise(objective: Objective, innovations: Sequence[Floats]) -> float:
+    """−2 ln(probability) of ``innovations`` (K) of each drive as noise, in noise as they show
+    it."""
+    own, cost = NoiseModel.fit(objective.stretches, innovations), 0.0
     for s, each in zip(objective.stretches, innovations, strict=True):
         white = own.whiten(s, each)
         order = np.minimum(s.place, own.level.shape[1] - 1)

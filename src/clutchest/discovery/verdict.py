@@ -20,7 +20,8 @@ from clutchest.discovery.form_test import (
     tested_forms,
 )
 from clutchest.discovery.holdout_gain import held_out_gain
-from clutchest.discovery.refitted_curves import located
+from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
+from clutchest.discovery.refitted_curves import Located, located
 from clutchest.discovery.residual_curves import Curve, Nuisances, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import Errors, several_errors
@@ -172,15 +173,42 @@ def _unnamed_errors(
     unnamed = unnamed or any(
         not _of_right_family(search, best, effect, forms[effect], errors) for effect in refuted
     )
-    several = Errors([], [])
+    several, fitted = Errors([], []), place is not None and place.fitted
+    if count == 1 and refuted and not unnamed and not fitted:
+        beside = _in_noise_beside_curves(search, errors)
+        if beside is not None and _elsewhere(best, forms, beside.errors):
+            unnamed, place = True, beside
+    elif unnamed and not fitted:
+        place = located(search, _beside_less_discrepancies(search) or errors)
+        if not place.fitted:  # errors may pass for noise
+            place = _in_noise_beside_curves(search, errors) or place
     if unnamed:
-        if place is None or not place.fitted:
-            place = located(search, _beside_less_discrepancies(search) or errors)
+        assert place is not None
         errors, several = place.errors, several_errors(place, search.free(()), UNNAMED)
     if several.found:  # those of the leading equation first
         leading = several.found[0]
         errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]
     return unnamed, errors, several
+
+
+def _in_noise_beside_curves(search: Search, errors: Sequence[Curve]) -> Located | None:
+    """Where an error is by the noise that curves leave, where that is another one; ``errors`` of
+    the model without a cause."""
+    beside = with_noise_beside_curves(search, errors)
+    if beside is search:
+        return None
+    own = _beside_less_discrepancies(beside) or _residual_errors(beside, beside.null)
+    return located(beside, own)
+
+
+def _elsewhere(best: CauseSet, forms: Mapping[str, TestedForm], errors: Sequence[Curve]) -> bool:
+    """Whether a single cause whose form is refuted is in the wrong equation or over the wrong
+    driver: some curve of the ``errors`` explains clearly more than its own do."""
+    ((cause, tested),) = ((c.effect, forms[c.name]) for c in best.causes)
+    own = [
+        e.worth for e in errors if e.equation == cause.equation and e.covariate in tested.drivers
+    ]
+    return max(e.worth for e in errors) > max(own, default=0.0) + CLOSE
 
 
 def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> bool:

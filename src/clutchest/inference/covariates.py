@@ -25,6 +25,7 @@ from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.models.declarations import ENERGY, ENGAGEMENTS, RECENT, RECENT_SLIP, REST, TURN
 from clutchest.models.effects.effect import TIME
 from clutchest.models.machine import Machine
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
@@ -58,7 +59,15 @@ def covariates(
         if of in read
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
-    series |= {name: np.mod(series[of], TURN) for name, of in machine.turns.items()}
+    # a speed's own noise is in no angle by it, but its deadband would be
+    angles = {of: np.cumsum(read[of] * spans) for of in machine.turns.values() if of in read}
+    angles |= {s.name: series[s.name] for s in machine.states if s.name in series}
+    series |= {name: np.mod(angles[of], TURN) for name, of in machine.turns.items() if of in angles}
+    series |= {
+        name: departure(line.t, series[of])
+        for name, of in machine.departures.items()
+        if of in series
+    }
     series |= {
         name: _duration(line.t, series[of] > 0.0)
         for name, of in machine.durations.items()
@@ -113,6 +122,25 @@ def recent_slip(t: Floats, slides: NDArray[np.bool_]) -> Floats:
     grown = np.full(len(t), -np.inf)  # logarithms, as weights overflow
     grown[slid] = np.log(-np.expm1(-spans[slid] / RECENT)) + t[slid] / RECENT
     return np.asarray(np.exp(np.logaddexp.accumulate(grown) - t / RECENT))
+
+
+def departure(t: Floats, value: Floats) -> Floats:
+    """Of ``value`` (K), from its mean over the time before each of ``t`` (K), s, with weights that
+    fade over ``RECENT`` s."""
+    out = np.zeros(len(value))
+    _depart(value, 1.0 - np.exp(-np.diff(t, prepend=t[:1]) / RECENT), out)
+    return out
+
+
+@compiled
+def _depart(value: Floats, share: Floats, out: Floats) -> None:
+    """Departures from a mean in which each ``value`` (K) has a ``share`` (K)."""
+    weight, total = 0.0, 0.0
+    for k in range(len(value)):
+        weight += share[k] * (1.0 - weight)
+        total += share[k] * (value[k] - total)
+        if weight > 0.0:
+            out[k] = value[k] - total / weight
 
 
 def noise_in_derivatives(

@@ -15,7 +15,7 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 GRID = 0.01  # s
-BRIEF, CALM = 0.06, 0.2  # s over which a rate is taken: of an input, and of what masses make of it
+BRIEF, CALM = 0.12, 0.2  # s over which a rate is taken: of an input, and of what masses make of it
 CALMER = 2.5  # times that: over which the noise of a rate is seen
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies

@@ -131,6 +131,11 @@ class Objective:
         inner = lin.information + np.eye(len(lin.theta))  # a cause is of a plausible size
         step = solved(inner, -lin.slope(lin.r))
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
+        return self.in_noise(rest)
+
+    def in_noise(self, rest: Sequence[Floats]) -> Objective:
+        """One without discrepancies whose noise model is that of the ``rest`` (K) of each drive's
+        innovations, but for what the inputs' noise and discrepancies most probably are of it."""
         rest = self._less_scatter(rest)
         noise_model = NoiseModel.fit(self.stretches, rest)
         weights = self._within_reach(noise_model, rest)

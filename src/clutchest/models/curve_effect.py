@@ -19,6 +19,7 @@ from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
 FORGOTTEN = 0.02  # s: time constant with which a duration that has ended goes back to 0
+LEAST_WEIGHT = 1e-9  # of a mean of late, as the drive begins
 LARGEST = 4.0  # standard deviations by which a curve may be shifted
 # Covariates that are no quantity of the equations: states of the curve's own, and their rates.
 _OWN_STATES: Mapping[str, tuple[str, str, Callable[[Any, Any], Any]]] = {
@@ -55,16 +56,19 @@ def covariates_of_curve(
     model = model or machine.equations(machine.units)
     names = model.expressions().quantities.names()
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
-    durations = [name for name, of in machine.durations.items() if of in names]
+    made = {**machine.turns, **machine.departures, **machine.durations}
+    states = {state.name for state in machine.states}
+    made_of_known = [name for name, of in made.items() if of in names or of in states]
     own = [name for name in _OWN_STATES if name == TIME or "power" in names]
     # of the changed quantities the first one: a reading's error may depend on the reading itself
-    return (*own, *machine.peaks, *machine.turns, *durations, *names[: first + 1])
+    return (*own, *machine.peaks, *made_of_known, *names[: first + 1])
 
 
 def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: Machine) -> Effect:
     own, peak_of = f"{name}_{curve.covariate}", machine.peaks.get(curve.covariate)
     turning = curve.covariate in machine.turns
-    brought, covariate, rate = _memory(own, curve.covariate, peak_of, machine)
+    brought, covariate, rates = _memory(own, curve.covariate, peak_of, machine)
+    departs = machine.departures.get(curve.covariate)
     deviations = curve.deviations
     keys = tuple(f"{DEVIATION}_{k}" for k in range(1, len(deviations) + 1))
 
@@ -80,9 +84,13 @@ def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: M
 
             def changed(quantity: str, change: Callable[[Any, Any], Any]) -> Any:
                 def by_curve(value: Any, q: Any) -> Any:
-                    # the error of a reading that depends on the reading itself
-                    at = value if quantity == covariate else getattr(q, covariate)
-                    at = _within_turn(at) if turning else at
+                    def now(name: str) -> Any:
+                        # the error of a reading that depends on the reading itself
+                        return value if quantity == name else getattr(q, name)
+
+                    at = _within_turn(now(covariate)) if turning else now(covariate)
+                    if departs is not None:
+                        at = now(departs) - at / ca.fmax(now(_weight(own)), LEAST_WEIGHT)
                     error = getattr(g, SIZE) * _interpolated(at, curve.knots, curve.values)
                     for key, deviation in zip(keys, deviations, strict=True):
                         error += getattr(g, key) * _interpolated(at, curve.knots, deviation)
@@ -91,9 +99,7 @@ def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: M
                 return by_curve
 
             terms = {quantity: changed(quantity, c) for quantity, c in error_term.changes.items()}
-            if rate is not None:
-                terms[f"{own}_rate"] = lambda value, q: value + rate(q)
-            return terms
+            return terms | {f"{state}_rate": _added(rate) for state, rate in rates.items()}
 
         def after_step(self, model: Indices, x: Any, u0: Any, u: Any, g: Gains) -> Any:
             """See :meth:`Effect.after_step`."""
@@ -110,16 +116,18 @@ def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: M
 
 def _memory(
     own: str, covariate: str, peak_of: str | None, machine: Machine
-) -> tuple[tuple[State, ...], str, Callable[[Any], Any] | None]:
-    """The state that a curve needs for a covariate which the equations do not have, the name of
-    the quantity that it then reads, and the state's rate."""
+) -> tuple[tuple[State, ...], str, Mapping[str, Callable[[Any], Any]]]:
+    """The states that a curve needs for a covariate which the equations do not have, the name of
+    the quantity that it then reads, and the states' rates."""
     if covariate in _OWN_STATES:
         unit, what, rate = _OWN_STATES[covariate]
         slow = State(own, unit, "", what, 0.0, 0.0, 1.0)
-        return (slow,), own, lambda q: rate(q, getattr(q, own))
+        return (slow,), own, {own: lambda q: rate(q, getattr(q, own))}
     if peak_of is not None:
         unit = next(state.unit for state in machine.states if state.name == peak_of)
-        return (State(own, unit, "", f"highest {peak_of} so far", 0.0, 0.0, 1.0),), own, None
+        return (State(own, unit, "", f"highest {peak_of} so far", 0.0, 0.0, 1.0),), own, {}
+    if (of := machine.departures.get(covariate)) is not None:
+        return _mean_of_late(own, of)
     if (of := machine.durations.get(covariate)) is not None:
         what = f"for how long {of} has been positive"
         duration = State(own, "s", "", what, 0.0, 0.0, 1.0, stiff=True)
@@ -127,8 +135,34 @@ def _memory(
         def lasts(q: Any) -> Any:
             return ca.if_else(getattr(q, of) > 0.0, 1.0, -getattr(q, own) / FORGOTTEN)
 
-        return (duration,), own, lasts
-    return (), machine.turns.get(covariate, covariate), None
+        return (duration,), own, {own: lasts}
+    angle = machine.turns.get(covariate, covariate)
+    if covariate not in machine.turns or angle in {state.name for state in machine.states}:
+        return (), angle, {}
+    turned = State(own, "rad", "", f"angle by {angle}", 0.0, 0.0, 1.0)
+    return (turned,), own, {own: lambda q: getattr(q, angle)}
+
+
+def _mean_of_late(
+    own: str, of: str
+) -> tuple[tuple[State, ...], str, Mapping[str, Callable[[Any], Any]]]:
+    """A sum of late, with weights that fade, and the sum of these, which is not 1 at first."""
+    weight = _weight(own)
+    summed = State(own, "1", "", f"{of} of late, by its weight", 0.0, 0.0, 1.0)
+    weights = State(weight, "1", "", f"weight of {of} of late", 0.0, 0.0, 1.0)
+    rates = {
+        own: lambda q: (getattr(q, of) - getattr(q, own)) / RECENT,
+        weight: lambda q: (1.0 - getattr(q, weight)) / RECENT,
+    }
+    return (summed, weights), own, rates
+
+
+def _weight(own: str) -> str:
+    return f"{own}_weight"
+
+
+def _added(rate: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
+    return lambda value, q: value + rate(q)
 
 
 def _within_turn(angle: Any) -> Any:

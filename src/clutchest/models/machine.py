@@ -80,12 +80,14 @@ class Machine:
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
     beside inputs, states, time and energy; ``smooth_over`` (name → unit), further ones that a
     smooth error of a healthy machine may go with; ``rates`` of inputs (name → input), ``peaks``
-    (name → the state whose highest value so far it is), ``turns`` (name → the angle, a state
-    in rad, of which it is the place within a turn) and ``durations`` (name → the covariate
-    which it says for how long has been positive); ``effects``, the library; ``unmodelled``,
-    parts that the equations leave out: never a cause, but allowed for as far as each gain goes in
-    a ``healthy`` machine; ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all
-    others), which sensor would separate errors; ``compared``, the pair of a validation.
+    (name → the state whose highest value so far it is), ``turns`` (name → the angle, a state in
+    rad, of which it is the place within a turn, or the speed, an input or covariate in rad/s, of
+    such an angle), ``departures`` (name → the input or covariate of which it is the departure from
+    the mean over the last half minute) and ``durations`` (name → the covariate which it says for
+    how long has been positive); ``effects``, the library; ``unmodelled``, parts that the equations
+    leave out: never a cause, but allowed for as far as each gain goes in a ``healthy`` machine;
+    ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor
+    would separate errors; ``compared``, the pair of a validation.
 
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
     knows together.
@@ -143,6 +145,7 @@ class Machine:
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     peaks: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     turns: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
+    departures: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     durations: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     effects: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)
     unmodelled: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)

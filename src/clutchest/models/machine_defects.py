@@ -112,14 +112,17 @@ def _unknown_covariates(
     for name in machine.peaks.values():
         if name not in states:
             yield "peaks", f"has no state '{name}'" + nearest(name, states)
+    units = {item.name: item.unit for item in machine.inputs} | dict(machine.covariates)
     angles = [s.name for s in machine.states if s.unit == "rad"]
+    angles += [name for name, unit in units.items() if unit == "rad/s"]
     for name in machine.turns.values():
         if name not in angles:
-            yield "turns", f"has no state '{name}' in rad" + nearest(name, angles)
-    for name in machine.rates.values():
-        if name not in (*inputs, *machine.covariates):
-            known = (*inputs, *machine.covariates)
-            yield "rates", f"has no input or covariate '{name}'" + nearest(name, known)
+            yield "turns", f"has no state '{name}' in rad, nor a speed" + nearest(name, angles)
+    known = (*inputs, *machine.covariates)
+    for piece, of in (("rates", machine.rates), ("departures", machine.departures)):
+        for name in of.values():
+            if name not in known:
+                yield piece, f"has no input or covariate '{name}'" + nearest(name, known)
     for name in machine.durations.values():
         if name not in machine.covariates:
             yield "durations", f"has no covariate '{name}'" + nearest(name, machine.covariates)
@@ -206,7 +209,7 @@ def _lacking(machine: Any, error: AttributeError) -> str:
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:
     known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
     known |= {*(i.name for i in machine.inputs), *machine.rates, *machine.peaks, *machine.turns}
-    known |= {*machine.durations, *HISTORY}
+    known |= {*machine.departures, *machine.durations, *HISTORY}
     inputs = [item.name for item in machine.inputs]
     for name, term in machine.error_terms.items():
         piece = f"error term '{name}'"

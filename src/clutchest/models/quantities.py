@@ -13,12 +13,14 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     moving = {**machine.covariates, **machine.units}
     rates = {rate: _per_second(moving.get(of, "1")) for rate, of in machine.rates.items()}
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
+    departures = {recent: moving.get(of, "1") for recent, of in machine.departures.items()}
     units = {
         **HISTORY,
         **machine.covariates,
         **machine.smooth_over,
         **rates,
         **peaks,
+        **departures,
         **dict.fromkeys(machine.turns, "rad"),
         **dict.fromkeys(machine.durations, "s"),
     }

@@ -53,6 +53,7 @@ def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, .
         *machine.rates,
         *machine.peaks,
         *machine.turns,
+        *machine.departures,
         *machine.durations,
         ENERGY,
         TIME,

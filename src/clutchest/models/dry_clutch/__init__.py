@@ -10,12 +10,14 @@ from clutchest.models.dry_clutch.delays import DELAY_RELATIONS
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH, at_rest, for_signals
 from clutchest.models.dry_clutch.error_terms import (
     COVARIATES,
+    DEPARTURES,
     ERROR_TERMS,
     PEAKS,
     RATES,
     SENSOR_FOR,
     SEPARATING_SENSORS,
     SMOOTH_OVER,
+    TURNS,
 )
 from clutchest.models.dry_clutch.manoeuvres import MANOEUVRES
 from clutchest.models.dry_clutch.own_effects import TruckEffects
@@ -73,6 +75,8 @@ MACHINE = Machine(
     smooth_over=SMOOTH_OVER,
     rates=RATES,
     peaks=PEAKS,
+    turns=TURNS,
+    departures=DEPARTURES,
     effects=effects_in("clutchest.models.dry_clutch.effects"),
     unmodelled=effects_in("clutchest.models.dry_clutch.unmodelled"),
     separating_sensors=SEPARATING_SENSORS,

@@ -9,11 +9,14 @@ from clutchest.models.error_terms import ErrorTerm
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
+# A report is made from the fuel; boost, and what it is filtered by, make it early or late.
+_REPORT = (*_ENGINES_MAP, "engine_torque_rate")
 # What is bolted to an engine is shaken by it, in a truck by the road, dragged along by jerks, and
 # moved as torque rocks the engine and pushes shafts along.
 _ACTUATOR = (
     "slave_position",
     "position_rate",
+    "recent_movement",
     "engine_torque",
     "engine_speed",
     "engine_acceleration",
@@ -61,7 +64,7 @@ _ENGINES = (*_ENGINES_BALANCE, "vehicle_acceleration")  # oil in the sump surges
 _ADDED = (*_ENGINES_BALANCE, "slip_rate")
 # A lining that rests takes up moisture and dries as it slips, and each engagement polishes it.  How
 # the engine speeds up is no cause of friction, but what follows from it.
-_FRICTION = (*_ADDED, "slip_power", "rest_time", "recent_slip", "engagements")
+_FRICTION = (*_ADDED, "slip_power", "rest_time", "recent_slip", "engagements", "slip_angle")
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
@@ -129,14 +132,14 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "sensor:engine_torque": ErrorTerm(
         "sensor:engine_torque",
         {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
-        covariates=_ENGINES_MAP,
+        covariates=_REPORT,
         size=10.0,
         unit="%",
     ),
     "sensor:engine_torque, added": ErrorTerm(
         "sensor:engine_torque",
         {"engine_torque": lambda value, g: value - 30.0 * g},
-        covariates=_ENGINES_MAP,
+        covariates=_REPORT,
         size=30.0,
         unit="Nm",
     ),
@@ -197,5 +200,10 @@ RATES = {
     "position_rate": "slave_position",
     "slip_rate": "slip_speed",  # friction may lag
     "vehicle_acceleration": "vehicle_speed",
+    "engine_torque_rate": "engine_torque",  # boost builds up more slowly than fuel
 }
+# A place of the disc meets the same one of the flywheel after a turn of the slip; a hose swells
+# while the clutch is held.
+TURNS = {"slip_angle": "slip_speed"}
+DEPARTURES = {"recent_movement": "slave_position"}
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
