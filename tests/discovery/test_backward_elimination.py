@@ -119,7 +119,9 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
-    monkeypatch.setattr(verdict, "located", lambda _, errors: SimpleNamespace(errors=errors))
+    monkeypatch.setattr(
+        verdict, "located", lambda _, errors: SimpleNamespace(errors=errors, fitted=True)
+    )
     monkeypatch.setattr(
         verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
     )
@@ -127,6 +129,18 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]
     assert verdict._verdict(search, {}, [curve], {}).name == "unknown"
+
+
+@pytest.mark.parametrize(("other", "elsewhere"), [(75.0, False), (95.0, True)])
+def test_a_refuted_cause_is_elsewhere_where_another_curve_explains_clearly_more(other, elsewhere):
+    effect = SimpleNamespace(equation="torque")
+    best = a_set([SimpleNamespace(name="a", index=0, effect=effect)], 5.0)
+    forms = {"a": SimpleNamespace(drivers=("slip_speed",))}
+    curves = [
+        SimpleNamespace(worth=other, equation="sensor", covariate="engine_speed"),
+        SimpleNamespace(worth=70.0, equation="torque", covariate="slip_speed"),
+    ]
+    assert verdict._elsewhere(best, forms, curves) == elsewhere
 
 
 @pytest.mark.parametrize(("causes", "least"), [(1, 110.0), (2, 100.0), (3, 90.0)])
