@@ -19,7 +19,8 @@ def test_an_input_at_rest_is_told_and_still_has_values():
         Problem.of(clutchest.simulate(TRUCK, scenario, 1, duration=200.0), TRUCK, ()).drives[0]
         for scenario in ("closed", "launches")
     )
-    assert {"slave_position", "position_rate"} <= at_rest(rest, rest.at_nominal)
+    moving = {"slave_position", "position_rate", "recent_movement"}
+    assert moving <= at_rest(rest, rest.at_nominal)
     assert not {"slave_position", "position_rate", "engine_torque"} & at_rest(
         moves, moves.at_nominal
     )

@@ -198,13 +198,14 @@ def _without_noise(drive: PreparedDrive, states: Floats) -> Floats:
 
 
 def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
-    """The inputs that move no further than their noise, and their rates: what correlates with them
-    correlates with noise."""
+    """The inputs that move no further than their noise, their rates and departures: what correlates
+    with them correlates with noise."""
     model = drive.compiled.model
     still = np.ptp(at.inputs, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
     resting = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
-    rates = drive.compiled.machine.rates
-    return resting | {name for name, of in rates.items() if of in resting}
+    machine = drive.compiled.machine
+    made = {**machine.rates, **machine.departures}
+    return resting | {name for name, of in made.items() if of in resting}
 
 
 def knots(
