@@ -29,6 +29,7 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
+SPEEDS = ("rad/s", "m/s")  # units of a mass's speed
 BEGINNING = 3.0 ** -np.arange(3)  # parts of a duration: more happens at its begin
 FINE_KNOTS = 8, 36  # over time and within a turn
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
@@ -54,7 +55,7 @@ def covariates(
         for name in drive.compiled.model.slopes
     }
     series |= {
-        name: denoised_rate(line.t, read[of], drive.tracked.act, BRIEF if of in inputs else CALM)
+        name: denoised_rate(line.t, read[of], drive.tracked.act, _windows(machine, of))
         for name, of in machine.rates.items()
         if of in read
     }
@@ -87,6 +88,12 @@ def measured_at_rest(drive: PreparedDrive, at: OperatingPoint) -> OperatingPoint
     for j, by in at.corrections.items():
         inputs[rests, j] -= by[rests]
     return replace(at, inputs=inputs)
+
+
+def _windows(machine: Machine, name: str) -> tuple[float, ...]:
+    """Over which s the rate of ``name`` is taken: no mass changes its speed as fast as others do
+    theirs."""
+    return CALM if {**machine.units, **machine.covariates}.get(name) in SPEEDS else BRIEF
 
 
 def _duration(t: Floats, lasts: NDArray[np.bool_]) -> Floats:

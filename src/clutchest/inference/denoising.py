@@ -15,7 +15,9 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 GRID = 0.01  # s
-BRIEF, CALM = 0.12, 0.2  # s over which a rate is taken: of an input, and of what masses make of it
+# s over which a rate is taken: of an input, and of what masses make of it
+BRIEF, CALM = (0.06, 0.12), (0.2,)
+FINE = 0.1  # of a rate, root mean square, up to which noise may reach for it to be taken over less
 CALMER = 2.5  # times that: over which the noise of a rate is seen
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
@@ -100,25 +102,34 @@ def deadband_of_mean(
 
 
 def denoised_rate(
-    t: Floats, value: Floats, where: NDArray[np.bool_], over: float = BRIEF
+    t: Floats, value: Floats, where: NDArray[np.bool_], windows: tuple[float, ...] = BRIEF
 ) -> Floats:
-    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``over`` s; zero
-    within the reach of its noise, which the innovations hold as well."""
-    rate = _smooth(t, value, over, 1)
-    if not len(value):
-        return rate
-    return _beyond(rate, rate - _smooth(t, value, max(NARROW, CALMER * over), 1), where)
+    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through the first of the
+    ``windows``, s, over which noise reaches little of it ``where`` (K) it matters, or the last;
+    zero within the reach of its noise, which the innovations hold as well."""
+    rate, reach = np.zeros(len(value)), 0.0
+    for window in windows if len(value) else ():
+        rate = _smooth(t, value, window, 1)
+        off = rate - _smooth(t, value, max(NARROW, CALMER * window), 1)
+        reach = REACH * _noise(off, where)
+        if reach <= FINE * np.sqrt(np.mean(_of_use(rate, where) ** 2)):
+            break
+    return _beyond(rate, reach)
 
 
 def denoised_slope(t: Floats, slope: Floats, where: NDArray[np.bool_]) -> Floats:
     """The same of a ``slope`` (K) that is known, with noise."""
-    return _beyond(slope, slope - _smooth(t, slope, WIDE), where)
+    return _beyond(slope, REACH * _noise(slope - _smooth(t, slope, WIDE), where))
 
 
-def _beyond(rate: Floats, off: Floats, where: NDArray[np.bool_]) -> Floats:
-    """A ``rate`` (K) beyond the reach of its noise, which is what it is ``off`` (K)."""
-    reach = REACH * _noise(off, where)
+def _beyond(rate: Floats, reach: float) -> Floats:
+    """A ``rate`` (K) beyond the ``reach`` of its noise."""
     return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
+
+
+def _of_use(value: Floats, where: NDArray[np.bool_]) -> Floats:
+    """``value`` (K) ``where`` (K) it matters, anywhere if it does nowhere."""
+    return value[where] if where.any() else value
 
 
 def _period(t: Floats) -> float:
@@ -128,8 +139,8 @@ def _period(t: Floats) -> float:
 
 def _noise(off: Floats, where: NDArray[np.bool_]) -> float:
     """The standard deviation of what of ``off`` (K) is noise: what bends is off by more.  Seen
-    ``where`` (K) it matters, anywhere if it does nowhere."""
-    return QUARTER * float(np.quantile(np.abs(off[where] if where.any() else off), 0.25))
+    ``where`` (K) it matters."""
+    return QUARTER * float(np.quantile(np.abs(_of_use(off, where)), 0.25))
 
 
 def _scatter(count: int, ar: float) -> float:
