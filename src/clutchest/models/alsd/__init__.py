@@ -116,7 +116,7 @@ MACHINE = Machine(
     template="alsd_rig",
     check_equations=False,
     reservations={
-        "discover": "of healthy simulated logs of the differential 3 of 325 got a finding "
+        "discover": "of healthy simulated logs of the differential 5 of 529 got a finding "
         "(docs/alsd-results.md)",
     },
 )
