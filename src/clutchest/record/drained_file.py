@@ -13,10 +13,7 @@ PIECE = 1 << 16  # bytes
 
 def open_files() -> Path | None:
     """The folder that names this process's open files by their numbers; Windows has none."""
-    folders = (
-        Path("/proc/self/fd"),
-        Path("/dev/fd"),
-    )  # the first on a bare Linux too
+    folders = (Path("/proc/self/fd"), Path("/dev/fd"))  # a bare Linux has the first alone
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
