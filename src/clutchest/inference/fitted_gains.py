@@ -32,6 +32,9 @@ def with_fitted_gains(problem: Problem) -> Problem:
     for share in PARTS:
         part = problem.until(share)
         fit, told = _fitted(part, near), False
+        if not np.isfinite(fit.cost):  # where numbers of a shorter part run away
+            near, far = problem.near, None
+            fit = _fitted(part, near)
         if far is not None and _cost(other := _fitted(part, far)) <= _cost(fit):
             fit, told = other, True
         if told or np.all(np.abs(fit.theta - near)[problem.nuisances] < FAR):
