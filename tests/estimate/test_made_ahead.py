@@ -19,10 +19,23 @@ def test_the_next_item_is_made_while_one_is_used() -> None:
         yield 2
 
     taken = []
-    for item in made_ahead(items()):
-        assert second.wait(30.0)  # the use of the first does not end before
-        taken.append(item)
+    with made_ahead(items()) as made:
+        for item in made:
+            assert second.wait(30.0)  # the use of the first does not end before
+            taken.append(item)
     assert taken == [1, 2]
+
+
+def test_the_first_item_is_begun_at_once() -> None:
+    begun = threading.Event()
+
+    def items() -> Iterator[int]:
+        begun.set()
+        yield 1
+
+    with made_ahead(items()) as taken:
+        assert begun.wait(30.0)
+        assert list(taken) == [1]
 
 
 def test_no_more_than_one_item_waits() -> None:
@@ -33,8 +46,9 @@ def test_no_more_than_one_item_waits() -> None:
             made.append(k)
             yield k
 
-    for item in made_ahead(items()):
-        assert len(made) <= item + 2
+    with made_ahead(items()) as taken:
+        for item in taken:
+            assert len(made) <= item + 2
     assert made == list(range(5))
 
 
@@ -43,7 +57,7 @@ def test_what_making_an_item_raises_is_raised_here() -> None:
         yield 1
         raise ValueError("no second")
 
-    taken = made_ahead(items())
-    assert next(taken) == 1
-    with pytest.raises(ValueError, match="no second"):
-        next(taken)
+    with made_ahead(items()) as taken:
+        assert next(taken) == 1
+        with pytest.raises(ValueError, match="no second"):
+            next(taken)

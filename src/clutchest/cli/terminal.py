@@ -10,7 +10,6 @@ import traceback
 import unicodedata
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from threading import Thread
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from clutchest import __version__
 from clutchest.extras import installed
+from clutchest.patient_loading import load_patiently
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ def meanwhile(*modules: str) -> None:
 
     def load() -> None:
         with suppress(Exception):  # where the module is needed it fails again, and is answered
-            for module in modules:
-                import_module(module)
+            load_patiently(modules)
 
     Thread(target=load).start()
 

@@ -8,6 +8,7 @@ from clutchest.compute.records import Belief
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import CONSIDERING, Compiled, Filtered, run
+from clutchest.patient_loading import in_compiled_code
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
@@ -39,7 +40,8 @@ def run_kernel(
     progress: Progress | None = None,
 ) -> Filtered:
     """The compiled kernel."""
-    return run(compiled, timeline, start, CONSIDERING, gained=gained, progress=progress)
+    with in_compiled_code():
+        return run(compiled, timeline, start, CONSIDERING, gained=gained, progress=progress)
 
 
 def filter_of(engine: str) -> Filter:

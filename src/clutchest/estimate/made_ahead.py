@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
+
+from clutchest.patient_loading import at_work
 
 Item = TypeVar("Item")
 
 
-def made_ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """The same ``items`` in the same order, each made in a thread while the one before it is used;
-    what making one raises is raised here."""
-    with ThreadPoolExecutor(1) as thread:
-        coming = thread.submit(next, items, None)
-        while (item := coming.result()) is not None:
-            coming = thread.submit(next, items, None)
-            yield item
+@contextmanager
+def made_ahead(items: Iterator[Item]) -> Iterator[Iterator[Item]]:
+    """The same ``items`` in the same order, to be used within: the first is begun at once, each
+    further one is made in a thread while the one before it is used.  What making one raises is
+    raised when it is asked for."""
+    with ThreadPoolExecutor(1) as thread, at_work():
+        yield _handed_on(items, thread, thread.submit(_made, items))
+
+
+def _handed_on(
+    items: Iterator[Item], thread: ThreadPoolExecutor, coming: Future[Item | None]
+) -> Iterator[Item]:
+    while (item := coming.result()) is not None:
+        coming = thread.submit(_made, items)
+        yield item
+
+
+def _made(items: Iterator[Item]) -> Item | None:
+    with at_work():
+        return next(items, None)

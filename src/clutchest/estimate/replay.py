@@ -19,7 +19,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive import Drive, Stretch, begun
-from clutchest.estimate.drive_setup import Unusable, warnings_of
+from clutchest.estimate.drive_setup import Unusable, timings_of, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
 from clutchest.estimate.initial_state import History, contradicted, leave
@@ -146,20 +146,23 @@ def _in_stretches(
     memory in a longer log."""
     usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
     drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress, engine)
-    warnings = list(warnings_of(signals, drive.setting))
+    timings_of(signals, drive.setting)  # raises where this log cannot be filtered
     latest = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
     stops = np.arange(max(latest + HEAD, STRETCH), signals.end - HEAD, STRETCH)
     tracks: list[Track] = []
     recent: list[Track] = []
-    for stretch in made_ahead(_stretches(drive, usable, (*stops.tolist(), np.inf), signals.end)):
-        if progress:
-            progress("filtering", max(float(stretch.line.t[0]), 0.0) / max(signals.end, 1e-9))
-        piece = drive.filtered(stretch)
-        recent.append(piece.track)
-        warnings += piece.warnings
-        if len(recent) == TOGETHER:
-            tracks, recent = [*tracks, joined(recent)], []
-        memory_mapped.release_memory()
+    ready = _stretches(drive, usable, (*stops.tolist(), np.inf), signals.end)
+    with made_ahead(ready) as stretches:
+        warnings = list(warnings_of(signals, drive.setting))
+        for stretch in stretches:
+            if progress:
+                progress("filtering", max(float(stretch.line.t[0]), 0.0) / max(signals.end, 1e-9))
+            piece = drive.filtered(stretch)
+            recent.append(piece.track)
+            warnings += piece.warnings
+            if len(recent) == TOGETHER:
+                tracks, recent = [*tracks, joined(recent)], []
+            memory_mapped.release_memory()
     if progress:
         progress("filtering", 1.0)
     left = drive.final()
