@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import clutchest
+from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Estimate
 from clutchest.models import machine_of
 from clutchest.record import series
@@ -49,6 +51,12 @@ def column(table: pd.DataFrame, name: str) -> np.ndarray:
 
 def seconds(table: pd.DataFrame) -> np.ndarray:
     return table["time"].to_numpy().astype("timedelta64[ns]").astype(np.int64) * 1e-9
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_is_said_in_words(run):
+    with pytest.raises(ClutchestError, match=r"^/dev/full: cannot be written"):
+        write_recording(run, Path("/dev/full"))
 
 
 @pytest.fixture(scope="module")

@@ -68,6 +68,7 @@ def main() -> None:
     nobody foresaw, with a file to send."""
     printable()
     hide_asammdf()
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun's own remarks are not the user's
     gc.set_threshold(_OBJECTS)
     sys.setswitchinterval(_SWITCH_S)
     atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import time
@@ -105,7 +104,6 @@ def monitor(
       clutchest monitor --interface socketcan --channel can0 --vehicle truck
       clutchest monitor --interface udp_multicast --vehicle truck --serve
     """
-    os.environ.setdefault("RUST_LOG", "off")  # the recording's own remarks are not the user's
     watching = _started(bus, vehicle, session, viewer, out)
     for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
         signal.signal(number, lambda *_: _end(watching))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from math import isfinite
 from pathlib import Path
@@ -57,16 +58,14 @@ def write_run(
 
     out = Path(out)
     with finished_into(out) as folder:
-        with without_pandas():
+        with without_pandas(), ThreadPoolExecutor(1) as thread:
+            recording = thread.submit(_write_recording, run, folder / "recording.rrd")
             write_estimates(run, folder / "estimates.parquet")
             (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
             (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
-            if installed("rerun"):
-                from clutchest.record.rerun import write_recording
-
-                write_recording(run, folder / "recording.rrd")
             if innovations:
                 _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
+            recording.result()
         if report:
             from clutchest.record.html_reports import run_page
 
@@ -80,6 +79,14 @@ def write_run(
     if not report:
         (out / REPORT).unlink(missing_ok=True)
     return [out / name for name in names]
+
+
+def _write_recording(run: Run, path: Path) -> None:
+    """As :func:`clutchest.record.rerun.write_recording`, where rerun is installed."""
+    if installed("rerun"):
+        from clutchest.record.rerun import write_recording
+
+        write_recording(run, path)
 
 
 @contextmanager

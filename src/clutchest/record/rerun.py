@@ -7,7 +7,8 @@ to the samples that make their outline, so that no spike is lost; every sample i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
+from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run
 from clutchest.record.blueprint import (
     BOUND,
@@ -56,13 +58,23 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
     ``state/<name>/smoothed`` where the run was smoothed,
     ``residual/<sensor>`` (innovation, +3σ, −3σ), ``tracking/<figure>`` of actuations, ``mode``,
     ``drive`` where there are several, and ``report``.  Values are in the units that people read
-    (rpm, km/h, °C, mm, Nm, kJ).
+    (rpm, km/h, °C, mm, Nm, kJ).  Raises ClutchestError where the disk refuses.
     """
     stream = rr.RecordingStream("clutchest", send_properties=False)
-    stream.save(path)
+    with _refusals_in_words(path):
+        stream.save(path)
     send_run(stream, run, diagnosis)
-    stream.flush()
+    with _refusals_in_words(path):
+        stream.flush()
     stream.disconnect()
+
+
+@contextmanager
+def _refusals_in_words(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except RuntimeError as problem:
+        raise ClutchestError(f"{path}: cannot be written ({problem}); is the disk full?") from None
 
 
 def send_run(stream: rr.RecordingStream, run: Run, diagnosis: Diagnosis | None = None) -> None:
