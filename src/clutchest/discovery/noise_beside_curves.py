@@ -9,14 +9,15 @@ fitted to first order, and compared with no curve, whose noise begins from white
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve
 
-from clutchest.discovery.own_noise import ENOUGH, SLIGHT, as_loud, cost_of_noise
+from clutchest.discovery.curve_portions import held, portions
+from clutchest.discovery.own_noise import ENOUGH, SLIGHT, as_loud, as_noise
 from clutchest.discovery.refitted_curves import WIDEST, comes_and_goes
 from clutchest.discovery.residual_curves import Curve, CurvesAt, Nuisances, curves, places
 from clutchest.discovery.search import Search
@@ -42,10 +43,11 @@ def with_noise_beside_curves(search: Search, errors: Sequence[Curve]) -> Search:
     known = CurvesAt.of(objective, at)
     tables = [np.column_stack([each.r, each.psi[:, free]]) for each in at.raw]
     beside = _Linear(tables, objective.prior[free], at.theta[free])
-    some = [_derivatives(known, at, curve) for curve in _leading(plain, errors, search)]
-    none = _in_own_noise(objective, beside)
-    each = (_in_own_noise(objective, beside.beside(columns)) for columns in some)
-    best = min(each, key=lambda likely: likely.cost, default=none)
+    none = best = _in_own_noise(objective, beside)
+    for some in portions(_leading(plain, errors, search), held(at)):
+        for columns in _derivatives(known, at, some):
+            own = _in_own_noise(objective, beside.beside(columns))
+            best = min(best, own, key=lambda likely: likely.cost)
     if none.cost - best.cost < ENOUGH:
         return search
     objective = objective.in_noise(best.rest).with_discrepancies(at)
@@ -66,13 +68,20 @@ def _leading(plain: Sequence[Curve], errors: Sequence[Curve], search: Search) ->
     return list(found.values())
 
 
-def _derivatives(known: CurvesAt, at: Linearisation, curve: Curve) -> list[Floats]:
-    """By the coefficients of a curve (K, c), of every drive, before whitening."""
-    columns = np.arange(len(curve.at))
-    thetas = np.full(len(columns), places(known.problem)[curve.error_term])
-    bases = [hats(values[curve.covariate], curve.at) for values in known.values]
-    how = [Modulation(basis, columns) for basis in bases]
-    return known.problem.modulated(at.theta, at.shapes, at.implied, thetas, how)
+def _derivatives(
+    known: CurvesAt, at: Linearisation, some: Sequence[Curve]
+) -> Iterator[list[Floats]]:
+    """By the coefficients of each of ``some`` curves (K, c), of every drive, before whitening."""
+    place, counts = places(known.problem), [len(curve.at) for curve in some]
+    thetas = np.repeat([place[curve.error_term] for curve in some], counts)
+    columns = np.arange(len(thetas))
+    how = [
+        Modulation(np.column_stack([hats(values[c.covariate], c.at) for c in some]), columns)
+        for values in known.values
+    ]
+    tables = known.problem.modulated(at.theta, at.shapes, at.implied, thetas, how)
+    for end, count in zip(np.cumsum(counts), counts, strict=True):
+        yield [table[:, end - count : end] for table in tables]
 
 
 class _Linear(NamedTuple):
@@ -108,13 +117,14 @@ def _in_own_noise(objective: Objective, of: _Linear) -> _Likely:
     best, noise = _Likely(np.inf, rest), NoiseModel.fit(objective.stretches, rest, longest=0)
     for _ in range(TURNS):
         pairs = zip(objective.stretches, of.tables, strict=True)
-        white = np.concatenate([noise.whiten(s, table) for s, table in pairs])
-        r, by = white[:, 0], white[:, 1:]
-        inner = by.T @ by + np.diag(of.prior + 1e-9)
-        step = -solve(inner, by.T @ r + of.prior * of.begin, assume_a="pos")
+        white = (noise.whiten(s, table) for s, table in pairs)
+        products = np.sum([each.T @ each for each in white], axis=0)
+        inner = products[1:, 1:] + np.diag(of.prior + 1e-9)
+        step = -solve(inner, products[1:, 0] + of.prior * of.begin, assume_a="pos")
         rest = [table[:, 0] + table[:, 1:] @ step for table in of.tables]
-        cost = cost_of_noise(objective, rest) + float(np.sum(of.prior * (of.begin + step) ** 2))
+        cost, noise = as_noise(objective, rest)
+        cost += float(np.sum(of.prior * (of.begin + step) ** 2))
         if cost > best.cost - SLIGHT:
             break
-        best, noise = _Likely(cost, rest), NoiseModel.fit(objective.stretches, rest)
+        best = _Likely(cost, rest)
     return best

@@ -193,19 +193,20 @@ def as_loud(search: Search) -> Objective:
 def _cost(objective: Objective, innovations: Sequence[Floats], theta: Floats) -> float:
     """−2 ln(probability) of ``innovations`` (K) of each drive at ``theta`` (m) in noise as they
     show it, that of the noise included."""
-    return cost_of_noise(objective, innovations) + float(np.sum(objective.prior * theta**2))
+    cost, _ = as_noise(objective, innovations)
+    return cost + float(np.sum(objective.prior * theta**2))
 
 
-def cost_of_noise(objective: Objective, innovations: Sequence[Floats]) -> float:
-    """−2 ln(probability) of ``innovations`` (K) of each drive as noise, in noise as they show
-    it."""
+def as_noise(objective: Objective, innovations: Sequence[Floats]) -> tuple[float, NoiseModel]:
+    """−2 ln(probability) of ``innovations`` (K) of each drive as noise, and the noise that they
+    show."""
     own, cost = NoiseModel.fit(objective.stretches, innovations), 0.0
     for s, each in zip(objective.stretches, innovations, strict=True):
         white = own.whiten(s, each)
         order = np.minimum(s.place, own.level.shape[1] - 1)
         level = own.level[np.searchsorted(own.groups, s.group), order]
         cost += float(np.sum(np.minimum(white**2, FAR**2)) + 2.0 * np.sum(np.log(level)))
-    return cost if np.isfinite(cost) else np.inf
+    return cost if np.isfinite(cost) else np.inf, own
 
 
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:

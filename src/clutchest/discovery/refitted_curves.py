@@ -74,10 +74,12 @@ class _Point:
 
 
 class _Fitted(NamedTuple):
-    """A curve, as it is where it is fitted, where that is, and the fits from where it began."""
+    """A curve, as it is where it is fitted, the unknowns ``theta`` (m) there, and the fits from
+    where it began.  Of an hour, a point with its derivatives takes 300 MiB, and many are compared:
+    none is kept."""
 
     curve: Curve
-    at: _Point
+    theta: Floats
     by: _Fits
 
 
@@ -114,11 +116,19 @@ class _Fits:
 
     def finer(self, known: _Fitted) -> _Fitted:
         """A fitted curve with more knots, from its fit on."""
-        curve, at, _ = known
+        curve, at = known.curve, self.resumed(known)
         share = np.linspace(0.0, len(curve.at) - 1.0, FINE)
         bends = np.interp(share, np.arange(len(curve.at)), curve.at)
         start = np.interp(bends, curve.at, at.coefficients)
         return self._fitted(replace(curve, at=bends), replace(at, coefficients=start))
+
+    def resumed(self, known: _Fitted) -> _Point:
+        """Where a curve is fitted, with derivatives by what is free."""
+        curve, begin = known.curve, self.begin
+        theta, bases = places(begin.problem)[curve.error_term], self._bases(curve)
+        objective = _with_curve(begin.objective, bases, theta, curve.coefficients)
+        lin = objective.linearise_at(known.theta, begin.fit.shapes, self.free)
+        return _Point(objective, lin, curve.coefficients)
 
     def derivatives(self, curve: Curve, at: _Point) -> Floats:
         """By the coefficients of a curve (K, c)."""
@@ -152,7 +162,7 @@ class _Fits:
             # noise has a Bayes factor of B once in B times at most
             p_value=min(curve.p_value, float(np.exp(-max(evidence, 0.0) / 2.0))),
         )
-        return _Fitted(known, at, self)
+        return _Fitted(known, at.lin.theta, self)
 
     def _bases(self, curve: Curve) -> list[Floats]:
         """A curve's hats (events, c) in every drive."""
@@ -257,11 +267,13 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
         for curve in steady
         if _key(curve) not in done
     ]
-    best, at, fits = leading[0]
-    full = at.objective.relinearise(at.lin, at.lin.theta)
-    at = replace(at, lin=replace(full, raw=()))
-    fit = without(at, fits.derivatives(best, at))
-    return Located([*(each.curve for each in leading), *others], at.objective, fit, True)
+    best, _, fits = leading[0]
+    at = fits.resumed(leading[0])
+    by = fits.derivatives(best, at)
+    objective = at.objective.also_in_span(by)
+    full = replace(objective.relinearise(at.lin, at.lin.theta), raw=())
+    fit = without(replace(at, lin=full), by)
+    return Located([*(each.curve for each in leading), *others], objective, fit, True)
 
 
 def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:
