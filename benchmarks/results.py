@@ -71,8 +71,8 @@ TABLES = (
     Table(
         "fleet-hours",
         "results.md#a-fleet",
-        10,
-        "python benchmarks/fleet.py --vehicles 6 --logs 3 --minutes 60 --turns 2",
+        30,
+        "python benchmarks/fleet.py --vehicles 6 --logs 12 --minutes 60 --turns 2",
     ),
     Table(
         "startup",

@@ -9,7 +9,7 @@ noise in the equation.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -214,7 +214,7 @@ class CurvesAt:
         """Derivatives (K, C) of the white innovations by every coefficient of the curves, and
         columns of each curve; some covariates at a time, as many as memory holds."""
         for some in portions(tables, held(self.fit)):
-            yield self._portion(some)
+            yield self._portion(some, self._basis)
 
     def tested(self, beside: Nuisances, tables: Sequence[CandidateCurve], seed: int) -> list[Curve]:
         """The curves ``tables``, the most likely first, ``beside`` what else is free.  Where the
@@ -228,27 +228,39 @@ class CurvesAt:
         noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
         return self._tested(beside, tables, seed, noise)
 
-    def negligible(self, table: CandidateCurve, derivatives: Floats) -> Floats:
-        """What of a curve's information (c, c) is no more than noise of its inputs, by its
-        ``derivatives`` (K, c)."""
-        known, noise = derivatives.T @ derivatives, self._by_noise(table)
-        return np.asarray(table.negligible * known + CLEAR * (noise.T @ noise))
-
-    def _by_noise(self, table: CandidateCurve) -> Floats:
-        """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
-        what it is.  A parameter by which the model has a straight curve holds that noise, which is
-        in the innovations as well: what is left of the two beside each other is no error.  No rows
-        where it lacks none."""
-        name, columns = table.covariate, np.arange(len(table.at))
-        if not all(name in noise for noise in self.noise):
-            return np.zeros((0, len(columns)))
-        drives = zip(self.values, self.noise, strict=True)
-        off = [
-            hats(v[name] + noise[name], table.at) - hats(v[name], table.at) for v, noise in drives
+    def negligible(self, some: Sequence[tuple[CandidateCurve, Floats]]) -> list[Floats]:
+        """What of the information (c, c) of each curve is no more than noise of its inputs, by its
+        derivatives (K, c)."""
+        noise = self._by_noise([table for table, _ in some])
+        return [
+            np.asarray(table.negligible * (by.T @ by) + CLEAR * (off.T @ off))
+            for (table, by), off in zip(some, noise, strict=True)
         ]
-        modulations = [Modulation(basis, columns) for basis in off]
-        thetas = np.full(len(columns), table.theta)
-        return table.unit * self.objective.modulated(self.fit, thetas, modulations)
+
+    def _by_noise(self, tables: Sequence[CandidateCurve]) -> list[Floats]:
+        """Derivatives (K, c) by what each curve would be with the noise that its covariate lacks,
+        less what it is.  A parameter by which the model has a straight curve holds that noise,
+        which is in the innovations as well: what is left of the two beside each other is no error.
+        No rows where it lacks none."""
+        lacks = [all(table.covariate in noise for noise in self.noise) for table in tables]
+        lacking = [table for table, lack in zip(tables, lacks, strict=True) if lack]
+        if not lacking:
+            return [np.zeros((0, len(table.at))) for table in tables]
+
+        def off(k: int, table: CandidateCurve) -> Floats:
+            value, noise = self.values[k][table.covariate], self.noise[k][table.covariate]
+            return hats(value + noise, table.at) - hats(value, table.at)
+
+        derivatives, each = self._portion(lacking, off)
+        found = iter(each)
+        return [
+            derivatives[:, next(found)[1]] if lack else np.zeros((0, len(table.at)))
+            for table, lack in zip(tables, lacks, strict=True)
+        ]
+
+    def _basis(self, k: int, table: CandidateCurve) -> Floats:
+        """A curve's hats (events, c) in a drive (index)."""
+        return hats(self.values[k][table.covariate], table.at)
 
     def _tested(
         self,
@@ -273,10 +285,9 @@ class CurvesAt:
 
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
             give_back()
-            derivatives, some = self._portion(portion)
-            negligible = [
-                self.negligible(table, derivatives[:, columns]) for table, columns in some
-            ]
+            derivatives, some = self._portion(portion, self._basis)
+            own = [(table, derivatives[:, columns]) for table, columns in some]
+            negligible = self.negligible(own)
             c = projection.out_of(derivatives.copy() if noise else derivatives)
             return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)
 
@@ -292,23 +303,24 @@ class CurvesAt:
         return sorted(named, key=lambda curve: -curve.evidence)
 
     def _portion(
-        self, some: Sequence[CandidateCurve]
+        self, some: Sequence[CandidateCurve], basis: Callable[[int, CandidateCurve], Floats]
     ) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
-        """Derivatives by some curves, and columns of each."""
+        """Derivatives by some curves of this ``basis`` (events, c) in a drive (index), and columns
+        of each."""
         begins: dict[tuple[str, bytes], int] = {}
         bases: list[list[Floats]] = [[] for _ in self.values]
         for table in some:
             covariate, at = table.covariate, table.at
             if (covariate, at.tobytes()) not in begins:
-                begins[covariate, at.tobytes()] = sum(basis.shape[1] for basis in bases[0])
-                for basis, v in zip(bases, self.values, strict=True):
-                    basis.append(hats(v[covariate], at))
+                begins[covariate, at.tobytes()] = sum(each.shape[1] for each in bases[0])
+                for k, known in enumerate(bases):
+                    known.append(basis(k, table))
         counts = [len(table.at) for table in some]
         columns = np.concatenate(
             [begins[t.covariate, t.at.tobytes()] + np.arange(len(t.at)) for t in some]
         )
         thetas = np.repeat([table.theta for table in some], counts)
-        modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
+        modulations = [Modulation(np.column_stack(each), columns) for each in bases]
         bases.clear()  # room for the derivatives
         derivatives = self.objective.modulated(self.fit, thetas, modulations)
         derivatives *= np.repeat([table.unit for table in some], counts)

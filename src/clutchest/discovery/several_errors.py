@@ -154,4 +154,5 @@ def _columns(at: CurvesAt, errors: Sequence[Curve]) -> list[CurveColumns]:
         for c in _leading(errors)
     ]
     found = [(table, part[:, own]) for part, some in at.derivatives(tables) for table, own in some]
-    return [CurveColumns(by, at.negligible(table, by)) for table, by in found]
+    pairs = zip(found, at.negligible(found), strict=True)
+    return [CurveColumns(by, negligible) for (_, by), negligible in pairs]
