@@ -38,8 +38,8 @@ from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
 from clutchest.signals import Floats
 
 Excitation = Callable[
-    [np.random.Generator, Floats, Mapping[str, float]], Mapping[str, Floats]
-]  # random numbers, times (k,) s, parameters → inputs by name, (k,) each
+    ["np.random.Generator", Floats, Mapping[str, float]], Mapping[str, Floats]
+]  # random numbers (quoted: not loaded to replay), times (k,) s, parameters → inputs by name, (k,)
 OwnEffects = Callable[[Mapping[Effect, Mapping[str, float]], Mapping[str, float]], Any]
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
