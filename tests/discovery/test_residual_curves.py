@@ -147,8 +147,7 @@ def test_drag_in_the_open_gap_is_an_error_of_the_torque_over_slip_and_gap() -> N
     }
     over = [tables[name] for name in ("slip_speed", "gap", "oil_temp")]
     ((columns, some),) = at.derivatives(over)
-    parts = [
-        CurveColumns(columns[:, own], at.negligible(table, columns[:, own])) for table, own in some
-    ]
+    each = [(table, columns[:, own]) for table, own in some]
+    parts = [CurveColumns(by, n) for (_, by), n in zip(each, at.negligible(each), strict=True)]
     joined = evidence_joined(Nuisances(fit, problem.nuisances, objective.prior), parts)
     assert joined.which[:2] == (0, 1)
