@@ -13,7 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from clutchest import load_vehicle
 from clutchest.generator.alsd.outsider import SLICE
+from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.simulated import simulate
 
@@ -168,3 +172,19 @@ def test_laws_are_called_as_often_as_they_take_it():
     from blind import differential_outsiders
 
     assert differential_outsiders.SLICE == SLICE
+
+
+@pytest.mark.slow
+def test_a_fit_does_not_stay_where_numbers_of_a_part_run_away():
+    """Half of this run, in which another consumer takes the voltage, is fitted best by numbers with
+    which the whole has no finite likelihood."""
+    from blind.differential_outsiders import OUTSIDERS
+
+    seed, size = 42533, 0.3643385355278228
+    hidden = OUTSIDERS["shared_supply"](size, seed % 7 / 7.0)
+    signals = simulate("alsd_rig", "rig-ramps", seed, {}, duration=60.0, outsider=hidden)
+    effects = tuple(machine_of("alsd").effects.values())
+    problem = Problem.of(signals, load_vehicle("alsd_rig"), effects, discrepant=True)
+    fitted = with_fitted_gains(problem)
+    there = Objective.of(fitted).linearise_at(fitted.begin, active=fitted.nuisances)
+    assert np.isfinite(there.cost)
