@@ -39,6 +39,16 @@ class Found:
     tables: tuple[pd.DataFrame, ...]
 
 
+def folder(text: str) -> Path:
+    """A folder to write to, made if need be.  Raises ArgumentTypeError where it cannot be."""
+    path = Path(text)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise argparse.ArgumentTypeError(f"{path}: no folder ({problem.strerror})") from None
+    return path
+
+
 def run(
     description: str,
     vehicle_file: Path,
@@ -50,13 +60,12 @@ def run(
     shown too."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("data", type=Path, help="folder of the official files")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=folder, required=True)
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     wall, cpu = perf_counter(), process_time()
     vehicle = load_vehicle(vehicle_file, trust=True)
-    with TemporaryDirectory() as folder:
-        paths = convert(options.data, Path(folder))
+    with TemporaryDirectory() as place:
+        paths = convert(options.data, Path(place))
         signals, held_out = (read_log([path], vehicle) for path in paths)
         tables = tuple(pd.read_parquet(path) for path in paths)
     found = chain(signals, vehicle, held_out.drives)

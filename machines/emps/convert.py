@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 from scipy.signal import filtfilt
 from scipy.signal.windows import hann
 
@@ -46,5 +47,9 @@ def convert(data: Path, out: Path) -> list[Path]:
         if not (data / file).is_file():
             raise SystemExit(f"{data / file}: not there; it is part of the archive at {SOURCE}")
         paths.append(out / f"{name}.parquet")
-        table(data / file).to_parquet(paths[-1], index=False)
+        try:
+            record = table(data / file)
+        except (MatReadError, KeyError, ValueError, TypeError, OSError) as problem:
+            raise SystemExit(f"{data / file}: not as it is at {SOURCE} ({problem})") from None
+        record.to_parquet(paths[-1], index=False)
     return paths

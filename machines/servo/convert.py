@@ -62,7 +62,10 @@ def runs(data: Path) -> pd.DataFrame:
     """All runs of the folder ``data``."""
     if not (data / FILE).is_file():
         raise SystemExit(f"{data / FILE}: not there; it is made of {SOURCE}")
-    return pd.read_parquet(data / FILE)
+    try:
+        return pd.read_parquet(data / FILE)
+    except (ValueError, OSError) as problem:
+        raise SystemExit(f"{data / FILE}: not a table of runs ({problem})") from None
 
 
 def chosen(record: pd.DataFrame, by: dict[str, tuple[float, ...]]) -> list[pd.DataFrame]:

@@ -19,10 +19,11 @@ import numpy as np
 import pandas as pd
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import published  # noqa: E402
 from convert import BEAT, DISCOVERY, HELD_OUT, chosen, convert, duty_of, runs  # noqa: E402
+from two_records import folder  # noqa: E402
 
 from clutchest.discovery.chain import chain, extended_by, summary  # noqa: E402
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
@@ -185,13 +186,12 @@ def main() -> None:
     """Run, and write what came out."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path, help="folder of the table of runs")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=folder, required=True)
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     wall, cpu = perf_counter(), process_time()
     vehicle = load_vehicle(HERE / "sts3215.toml", trust=True)
-    with TemporaryDirectory() as folder:
-        own, other = convert(options.data, Path(folder))
+    with TemporaryDirectory() as place:
+        own, other = convert(options.data, Path(place))
         signals, held_out = read_log(own, vehicle), read_log(other, vehicle)
     found = chain(signals, vehicle, held_out.drives)
     extended = extended_by(found, vehicle)

@@ -41,8 +41,13 @@ def convert(data: Path, out: Path) -> list[Path]:
     """Both records of the folder ``data`` as ``out``/<name>.parquet."""
     if not (data / FILE).is_file():
         raise SystemExit(f"{data / FILE}: not there; it is part of the archive at {SOURCE}")
-    record, paths = pd.read_csv(data / FILE), []
-    for name, (pump, level) in RECORDS.items():
-        paths.append(out / f"{name}.parquet")
-        table(record[pump].to_numpy(), record[level].to_numpy()).to_parquet(paths[-1], index=False)
-    return paths
+    try:
+        record = pd.read_csv(data / FILE)
+        tables = {
+            n: table(record[u].to_numpy(), record[y].to_numpy()) for n, (u, y) in RECORDS.items()
+        }
+    except (KeyError, ValueError, TypeError, OSError) as problem:
+        raise SystemExit(f"{data / FILE}: not as it is at {SOURCE} ({problem})") from None
+    for name, each in tables.items():
+        each.to_parquet(out / f"{name}.parquet", index=False)
+    return [out / f"{name}.parquet" for name in tables]
