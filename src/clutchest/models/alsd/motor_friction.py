@@ -10,9 +10,8 @@ def stribeck(q: Quantities) -> ca.SX:
     """(6): g(ω_m1) = T_C + (T_S − T_C) exp(−|ω_m1/ω_str|^δ)."""
     # |ω|^δ has no derivative at 0 for δ < 1, and 0^δ none that CasADi knows
     square = (q.motor_speed / q.motor_stribeck_speed) ** 2 + 1e-12
-    power = ca.exp(
-        q.motor_stribeck_exponent / 2 * ca.log(square)
-    )  # ^ has another ^ in its derivative
+    # as an exponential, which its own derivative contains; that of ^ takes another ^
+    power = ca.exp(q.motor_stribeck_exponent / 2 * ca.log(square))
     over_coulomb = q.motor_static_torque - q.motor_coulomb_torque
     return q.motor_coulomb_torque + over_coulomb * ca.exp(-power)
 
