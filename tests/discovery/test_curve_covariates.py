@@ -76,6 +76,8 @@ def test_the_angle_of_a_speed_is_its_integral(turned, error):
     slides, bare = made(here), made({**here, "curve_1.size": 0.0})
     assert slides["curve_1_slip_angle_rate"] == slides["slip_speed"] == 60.0
     assert bare["sliding_torque"] != 0.0
+    locked = made(here | dict.fromkeys(model.regime, 0.0))
+    assert locked["curve_1_slip_angle_rate"] == 0.0 and locked["slip_speed"] == 60.0
     share = 1.0 + 0.1 * error
     assert slides["sliding_torque"] == pytest.approx(share * bare["sliding_torque"], rel=1e-9)
 

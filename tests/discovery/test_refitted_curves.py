@@ -18,6 +18,8 @@ from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Nuisances, curves
 from clutchest.discovery.search import begin
 from clutchest.discovery.segmentation import segmented
+from clutchest.discovery.several_errors import several_errors
+from clutchest.discovery.verdict import UNNAMED
 from clutchest.inference.covariates import covariates
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
@@ -128,6 +130,14 @@ def test_a_sensor_may_go_with_how_the_engine_speeds_up(launches: Problem) -> Non
     assert quantity_of(TRUCK.machine, "engine_acceleration").unit == "rad/s^2"
 
 
+def test_locked_surfaces_do_not_turn_against_each_other(launches: Problem) -> None:
+    (drive,) = launches.drives
+    steps = np.diff(covariates(drive, drive.at_nominal)["slip_angle"])
+    locked = ~(drive.line.W[drive.line.row] > 0.0).any(axis=1)
+    assert 50 < np.count_nonzero(locked) < 0.9 * len(locked)
+    assert np.all(steps[locked[1:]] == 0.0) and np.ptp(steps) > 6.0  # with turns that end
+
+
 def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
     known = {name: quantity_of(TRUCK.machine, name) for name in TRUCK.machine.rates}
     assert known["position_rate"].unit == "mm/s"
@@ -155,6 +165,9 @@ SECOND = ("bedding_in-112", "creeping_hose-302")
         ("creeping_hose-302", "sensor:slave_position", "recent_movement"),
         ("creeping_hose-340", "sensor:slave_position", "recent_movement"),
         ("glazed_patch-344", "torque", "slip_angle"),
+        ("glazed_patch-384", "torque", "slip_angle"),
+        ("glazed_patch-413", "torque", "slip_angle"),
+        ("glazed_patch-442", "torque", "slip_angle"),
         ("turbo_lag-361", "sensor:engine_torque", "engine_torque_rate"),
         ("oil_surge-349", "engine_speed", "vehicle_acceleration"),
         ("helical_thrust-308", "sensor:slave_position", "engine_torque"),
@@ -187,3 +200,4 @@ def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariat
     own = list(dict.fromkeys(curve.covariate for curve in errors if curve.equation == equation))
     assert covariate in own[:2]
     assert own[0] == covariate or case in SECOND
+    assert several_errors(place, search.free(()), UNNAMED).found[0][0].equation == equation

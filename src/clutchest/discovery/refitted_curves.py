@@ -49,13 +49,18 @@ SETTLED = 1.0  # of −2 ln(probability): a step that gained less was the last
 
 class Located(NamedTuple):
     """``errors`` of a model without a cause, the most likely first, and where others beside the
-    first are sought: an ``objective``, and its ``fit``, to first order without that one; whether
-    the leading ones are ``fitted`` in full."""
+    first are sought: an ``objective``, and its ``fit``, to first order without that one; where the
+    leading ones are fitted in full, derivatives (K, c) by the coefficients of the ``first``."""
 
     errors: Sequence[Curve]
     objective: Objective
     fit: Linearisation
-    fitted: bool
+    first: Floats | None = None
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the leading errors are fitted in full."""
+        return self.first is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +245,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     steady = [curve for curve in errors if curve.covariate not in brief]
     some = [curve for curve in steady if not comes_and_goes(curve, brief)]
     if not some or max(curve.worth for curve in some) < LARGE:
-        return Located(errors, search.objective, search.objective.white_at(theta, shapes), False)
+        return Located(errors, search.objective, search.objective.white_at(theta, shapes))
     starts = _Fits.of(search)
     least = AS_LIKELY * some[0].evidence
     firsts = {curve.error_term: curve for curve in reversed(some)}.values()
@@ -273,7 +278,7 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
     objective = at.objective.also_in_span(by)
     full = replace(objective.relinearise(at.lin, at.lin.theta), raw=())
     fit = without(replace(at, lin=full), by)
-    return Located([*(each.curve for each in leading), *others], objective, fit, True)
+    return Located([*(each.curve for each in leading), *others], objective, fit, by)
 
 
 def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:

@@ -47,7 +47,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
     those of the model without a cause, and others that are significant at a family-wise ``level``
     beside curves over all leading covariates of the rest; ``free`` unknowns (indices) beside all.
     Where curves are fitted in full, their order stays."""
-    errors, objective, fit, fitted = place
+    errors, objective, fit, fitted = place.errors, place.objective, place.fit, place.fitted
     at = CurvesAt.of(objective, fit)
     brief = at.problem.compiled.machine.durations
     every = [table for table in at.every() if not (fitted and comes_and_goes(table, brief))]
@@ -59,7 +59,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
     }
     ranked = sorted(likely, key=lambda name: -likely[name])
     found = [by_equation[ranked[0]]]
-    columns = [_columns(at, found[0])]
+    columns = [_columns(at, found[0], place.first)]
     while len(found) < MOST:
         beside = _beside(bare, columns)
         known = {each[0].equation for each in found}
@@ -71,8 +71,12 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
     if len(found) > 1:
         first, *others = found
         beside = _beside(bare, columns[1:])
-        again = _of_equation(at.tested(beside, every, SEED), first[0].equation)
-        if not again or again[0].p_value >= level:
+        if fitted:
+            p_value = float(np.exp(-evidence_joined(beside, columns[0]).evidence / 2.0))
+        else:
+            again = _of_equation(at.tested(beside, every, SEED), first[0].equation)
+            p_value = again[0].p_value if again else 1.0
+        if p_value >= level:
             found, columns = others, columns[1:]
     joined = [evidence_joined(bare, each) for each in columns]
     stays = int(fitted and found[0][0].equation == ranked[0])
@@ -146,13 +150,18 @@ def _leading(errors: Sequence[Curve]) -> list[Curve]:
     return sorted(best, key=lambda c: -c.evidence)[:COVARIATES]
 
 
-def _columns(at: CurvesAt, errors: Sequence[Curve]) -> list[CurveColumns]:
-    """The curve of one equation over each of its leading covariates."""
+def _columns(
+    at: CurvesAt, errors: Sequence[Curve], first: Floats | None = None
+) -> list[CurveColumns]:
+    """The curve of one equation over each of its leading covariates; that of the ``first`` one by
+    its own derivatives (K, c) where it is fitted in full."""
     place = places(at.problem)
     tables = [
         CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
         for c in _leading(errors)
     ]
     found = [(table, part[:, own]) for part, some in at.derivatives(tables) for table, own in some]
+    if first is not None:
+        found = [(t, first if t is tables[0] else by) for t, by in found]
     pairs = zip(found, at.negligible(found), strict=True)
     return [CurveColumns(by, negligible) for (_, by), negligible in pairs]

@@ -61,7 +61,8 @@ def covariates(
     }
     series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
     # a speed's own noise is in no angle by it, but its deadband would be
-    angles = {of: np.cumsum(read[of] * spans) for of in machine.turns.values() if of in read}
+    turning, of_speeds = spans * _moves(drive), set(machine.turns.values())
+    angles = {of: np.cumsum(read[of] * turning) for of in of_speeds if of in read}
     angles |= {s.name: series[s.name] for s in machine.states if s.name in series}
     series |= {name: np.mod(angles[of], TURN) for name, of in machine.turns.items() if of in angles}
     series |= {
@@ -88,6 +89,13 @@ def measured_at_rest(drive: PreparedDrive, at: OperatingPoint) -> OperatingPoint
     for j, by in at.corrections.items():
         inputs[rests, j] -= by[rests]
     return replace(at, inputs=inputs)
+
+
+def _moves(drive: PreparedDrive) -> NDArray[np.bool_]:
+    """At which events (K) of a drive something moves against something else: in a regime without
+    any flag nothing does, and a state that is a random walk there is no speed."""
+    flags = drive.line.W[drive.line.row]
+    return np.asarray((flags > 0.0).any(axis=1)) if flags.shape[1] else np.ones(len(flags), bool)
 
 
 def _windows(machine: Machine, name: str) -> tuple[float, ...]:

@@ -4,6 +4,7 @@ values in the vehicle file."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,14 @@ def _memory(
     if covariate not in machine.turns or angle in {state.name for state in machine.states}:
         return (), angle, {}
     turned = State(own, "rad", "", f"angle by {angle}", 0.0, 0.0, 1.0)
-    return (turned,), own, {own: lambda q: getattr(q, angle)}
+    flags = machine.equations(machine.units).regime
+
+    def turns(q: Any) -> Any:
+        """Where no flag is set, nothing turns, and a speed is a random walk."""
+        moves = [getattr(q, flag) for flag in flags]
+        return getattr(q, angle) * (reduce(ca.fmax, moves) if moves else 1.0)
+
+    return (turned,), own, {own: turns}
 
 
 def _mean_of_late(

@@ -182,6 +182,12 @@ class Machine:
         """Canonical column → unit."""
         return {column.name: column.unit for column in self.columns}
 
+    @property
+    def made_covariates(self) -> tuple[str, ...]:
+        """Names of the covariates that are made from others."""
+        made = (self.rates, self.peaks, self.turns, self.departures, self.durations)
+        return tuple(name for each in made for name in each)
+
     def column(self, name: str) -> Column | None:
         """A canonical column by name; None where there is none."""
         return next((column for column in self.columns if column.name == name), None)

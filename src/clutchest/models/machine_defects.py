@@ -208,8 +208,7 @@ def _lacking(machine: Any, error: AttributeError) -> str:
 
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:
     known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
-    known |= {*(i.name for i in machine.inputs), *machine.rates, *machine.peaks, *machine.turns}
-    known |= {*machine.departures, *machine.durations, *HISTORY}
+    known |= {*(i.name for i in machine.inputs), *machine.made_covariates, *HISTORY}
     inputs = [item.name for item in machine.inputs]
     for name, term in machine.error_terms.items():
         piece = f"error term '{name}'"

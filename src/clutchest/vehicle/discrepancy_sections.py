@@ -50,11 +50,7 @@ def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, .
         *(state.name for state in machine.states),
         *machine.covariates,
         *machine.smooth_over,
-        *machine.rates,
-        *machine.peaks,
-        *machine.turns,
-        *machine.departures,
-        *machine.durations,
+        *machine.made_covariates,
         ENERGY,
         TIME,
     }
