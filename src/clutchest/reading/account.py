@@ -50,15 +50,16 @@ class Account:
         self, frames: Frames, mapped: NDArray[np.bool_], wanted: Iterable[Message]
     ) -> None:
         """Count the ``frames`` (n) that are not ``mapped`` (n,)."""
+        left = np.zeros(0, np.intp) if mapped.all() else np.flatnonzero(~mapped)
         for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
-            kind = ~mapped & ((frames.flags & flag) != 0)
+            kind = (frames.flags[left] & flag) != 0
             self.rejected[reason] += int(np.count_nonzero(kind))
-            mapped = mapped | kind
-        if any(map(may_carry, wanted)):
-            packets = ~mapped & belongs(frames)
+            left = left[~kind]
+        if len(left) and any(map(may_carry, wanted)):
+            packets = belongs(frames.take(left))
             self.rejected["packet of a longer message"] += int(np.count_nonzero(packets))
-            mapped = mapped | packets
-        self.rejected["not mapped"] += len(mapped) - int(np.count_nonzero(mapped))
+            left = left[~packets]
+        self.rejected["not mapped"] += len(left)
         self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
 
 

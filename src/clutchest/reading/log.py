@@ -35,7 +35,7 @@ JOIN_S = 60.0  # pieces of one drive lie no further apart
 SPLIT_S = 3600.0  # a longer gap without any frame in a log starts a new drive
 DataFrame = Any  # of pandas, polars or Arrow
 Logs = Path | str | DataFrame | Sequence[Path | str | DataFrame]
-_PIECE = 1 << 18  # frames kept in one piece: each of its columns is a large array
+_PIECE = 16 << 20  # bytes of payload kept in one piece: each of its columns is a large array
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,11 +277,11 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
 
 
 def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:
-    """The frames of ``blocks`` in pieces of at least ``_PIECE`` frames, but for the last one."""
+    """The frames of ``blocks`` in pieces of at least ``_PIECE`` bytes, but for the last one."""
     held: list[Frames] = []
     for block in blocks:
         held.append(block)
-        if sum(map(len, held)) >= _PIECE:
+        if sum(block.data.nbytes for block in held) >= _PIECE:
             yield Frames.concatenate(held)
             held = []
     yield Frames.concatenate(held)
