@@ -523,6 +523,7 @@ def test_a_truncated_mf4_is_told_in_one_line(kept, tmp_path):
         ("a.log", b"hello world\nthis is no log\n", "not a CAN log.*'hello world'.*candump"),
         ("a.csv", b"time,engine_speed\n0,1\n", "not a CAN log"),
         ("a.log", b"RRF2\0)\0\0 and more", "not a CAN log.*begins with binary data; expected"),
+        ("a.log", b"\xb5l!4]\x0b\xca>\n", "not a CAN log.*begins with binary data; expected"),
         ("a.log", b"(1.0) can0 zzz\n", "no CAN frame could be read: 1 × id is not"),
         ("a.trc", b";$FILEVERSION=1.1\n 1) 1.9 Rx\n", "no CAN frame could be read: 1 × no"),
         ("a.trc", b";$FILEVERSION=2.1\n 1) 1.9 DT 1 0076 Rx - 1 00\n", "no CAN frame"),

@@ -75,6 +75,12 @@ def test_what_is_no_number_of_the_range(refused, verb, option, given):
     assert f"'{option}': {given}; expected a number " in said
 
 
+@pytest.mark.parametrize(("option", "kind"), [("--duration", "number"), ("--seed", "whole number")])
+def test_what_is_no_number_at_all(refused, option, kind):
+    said = refused("simulate", "--vehicle", "truck", *SIMULATE, option, "abc")
+    assert f"'{option}': 'abc' is not a valid {kind}." in said
+
+
 def test_every_option_that_takes_a_number_takes_a_finite_one():
     """Without a check Click would take nan."""
     options = [option for verb in cli.app.commands.values() for option in verb.params]

@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from errno import EACCES
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -94,6 +96,19 @@ def test_a_file_is_no_folder(tmp_path):
     ):
         pass
     assert target.read_text() == "mine"
+
+
+def test_a_place_that_takes_no_folder_is_named_as_it_was_given(tmp_path, monkeypatch):
+    def refuse(path, *given):
+        if tmp_path not in Path(path).parents:
+            return make(path, *given)
+        raise PermissionError(EACCES, "Permission denied", path)
+
+    make = os.mkdir
+    monkeypatch.setattr("os.mkdir", refuse)
+    with pytest.raises(PermissionError) as caught, finished_into(tmp_path):
+        pass
+    assert caught.value.filename == str(tmp_path)
 
 
 @pytest.mark.parametrize(

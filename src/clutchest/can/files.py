@@ -7,6 +7,7 @@ A log is recognised by its content, so a wrong suffix does no harm.  The formats
 from __future__ import annotations
 
 import gzip
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError, nearest
 
 _BESIDE = 15  # bytes of a frame beside its data
+_BINARY = re.compile(rb"[\0-\x08\x0b\x0e-\x1f]")  # no text has these
 _FIRST = 4096  # bytes in which most formats show; to search all of the head takes milliseconds
 
 
@@ -156,7 +158,8 @@ def format_of(source: LogSource, also: str = "") -> LogFormat:
         if entry.by_suffix(suffix):
             return entry
     first = source.head.lstrip()[:60].splitlines()[0]
-    words = "binary data" if b"\0" in first else repr(first.decode("utf-8", "replace"))
+    binary = _BINARY.search(source.head[:_FIRST])
+    words = "binary data" if binary else repr(first.decode("utf-8", "replace"))
     raise ClutchestError(
         f"{source.path}: not a CAN log that is known; it begins with {words}; "
         f"expected {_expected(also)}"

@@ -48,6 +48,18 @@ class Positional(click.Argument):
         return f"{self.metavar}..." if self.nargs == -1 else str(self.metavar)
 
 
+class Number(click.types.FloatParamType):
+    """A number, called so where the value is none."""
+
+    name = "number"
+
+
+class WholeNumber(click.IntRange):
+    """A whole number, likewise."""
+
+    name = "whole number"
+
+
 def parameters_of(verb: Callable[..., None]) -> list[click.Parameter]:
     """The parameters of a verb, in their order, for a command."""
     hints = get_type_hints(verb, include_extras=True)
@@ -93,7 +105,9 @@ def _type(kind: Any, least: int | None = None, most: int | None = None) -> Any:
         return click.Path(path_type=Path)
     if issubclass(kind, Enum):
         return click.Choice(kind)
-    return kind if least is None else click.IntRange(least, most)
+    if kind is float:
+        return Number()
+    return kind if least is None else WholeNumber(least, most)
 
 
 def _some(values: tuple[Any, ...]) -> list[Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
@@ -28,6 +29,7 @@ from clutchest.reading.table_formats import write_table
 INNOVATIONS, REPORT = "innovations.parquet", "report.html"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
 _FINISHED = ".finished-"  # likewise: every file is complete, and is moving into its place
+_PASSAGE = re.compile(r"[/\\](\.unfinished-|\.finished-)[^/\\]*")
 _PORTION = 25_000  # rows of a table that are written together
 
 
@@ -94,13 +96,15 @@ def finished_into(out: Path) -> Iterator[Path]:
     """A folder to write files in; they move into ``out``, made if need be, once all are done.
 
     Whatever fails on the way leaves ``out`` as it was; a process that is killed while they move
-    leaves the rest to the next one here.  Raises ClutchestError if ``out`` is no folder.
+    leaves the rest to the next one here.  Raises ClutchestError if ``out`` is no folder, OSError
+    if the disk refuses.
     """
     if out.exists() and not out.is_dir():
         raise ClutchestError(f"{out}: is a file, expected a folder for the results")
     out.mkdir(parents=True, exist_ok=True)
     sweep(out)
     with (
+        _named_as_asked_for(),
         TemporaryDirectory(dir=out, prefix=f"{_UNFINISHED}{os.getpid()}-") as unfinished,
         _held(Path(unfinished)),
         named_in_utf8(Path(unfinished)) as folder,
@@ -117,6 +121,17 @@ def finished_into(out: Path) -> Iterator[Path]:
         whole = out / Path(unfinished).name.replace(_UNFINISHED, _FINISHED)
         Path(unfinished).rename(whole)
         _move(whole, out)
+
+
+@contextmanager
+def _named_as_asked_for() -> Iterator[None]:
+    """What is refused to a place of passage is refused to the folder that it is in."""
+    try:
+        yield
+    except OSError as problem:
+        if isinstance(problem.filename, str):
+            problem.filename = _PASSAGE.sub("", problem.filename)
+        raise
 
 
 def _move(whole: Path, out: Path) -> None:
