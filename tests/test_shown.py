@@ -23,7 +23,9 @@ def run() -> Run:
 
 
 def test_a_result_is_one_line(run: Run) -> None:
-    for result in (run, run.signals, run.vehicle, clutchest.diagnose(run)):
+    track, signal = run.tracks[0], run.signals["engine_speed"]
+    parts = (track, track.states["friction"], track.innovations, run["friction"], signal)
+    for result in (run, run.signals, run.vehicle, clutchest.diagnose(run), *parts):
         assert "\n" not in repr(result)
         assert len(repr(result)) < 200
 

@@ -137,6 +137,10 @@ class Signal:
         further apart than ``gap`` s, else the last one, which is held; the first before it."""
         return np.asarray(_between(np.asarray(time, np.float64), self.time, self.value, gap))
 
+    def __repr__(self) -> str:
+        valid = np.count_nonzero(self.valid)
+        return f"<Signal: {self.name} in {self.unit}, {len(self)} samples, {valid} of them valid>"
+
     def __len__(self) -> int:
         return len(self.time)
 

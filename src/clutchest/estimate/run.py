@@ -55,6 +55,9 @@ class Estimate:
     std: Floats
     valid: NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        return f"<Estimate: {len(self.valid)} values, {np.count_nonzero(self.valid)} of them valid>"
+
 
 @dataclass(frozen=True, slots=True)
 class Innovations:
@@ -66,6 +69,9 @@ class Innovations:
     sensor: NDArray[np.int8]
     innovation: Floats
     std: Floats
+
+    def __repr__(self) -> str:
+        return f"<Innovations: {len(self.time)} of {', '.join(self.names)}>"
 
     @checked
     def of(self, name: str) -> tuple[Floats, Floats, Floats]:
@@ -186,6 +192,9 @@ class Track:
     responses: tuple[TrackingFigures, ...] = ()
     judder: JudderLine | None = None
     uncertain_slips: tuple[Engagement, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Track: {len(self.time)} rows, {counted(len(self.engagements), 'slip event')}>"
 
     @property
     def outputs(self) -> dict[str, Estimate]:
