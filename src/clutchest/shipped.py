@@ -45,9 +45,11 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
         return found
     stock = shipped(kind)
     if direct.is_dir():
-        inside = sorted(direct.glob("*.toml")) if kind == "vehicles" else []
+        named = "*.toml" if kind == "vehicles" else "[!.]*.*"
+        inside = sorted(path for path in direct.glob(named) if path.is_file())
         such = f" such as {' or '.join(map(str, inside[:MOST_NAMED]))}" if inside else ""
-        raise ClutchestError(f"{name}: is a folder, expected a file{such}")
+        whole = "; clutchest fleet takes whole folders" if kind == "logs" else ""
+        raise ClutchestError(f"{name}: is a folder, expected a file{such}{whole}")
     hint = file_like(direct, stock) or alike(direct.name.split(".")[0], stock)
     hint = hint or (f"; shipped {kind}: {', '.join(stock)}" if stock else "")
     raise ClutchestError(f"no such file: {name}{hint}")

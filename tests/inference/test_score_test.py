@@ -13,7 +13,14 @@ import pytest
 from scipy.stats import binomtest, kstest, norm
 
 from clutchest.discovery.search import LEVEL
-from clutchest.inference.score_test import DRAWS, GROUPS, ScoreTest, resampled_scores, score_test
+from clutchest.inference.score_test import (
+    DRAWS,
+    GROUPS,
+    ScoreTest,
+    family_wise,
+    resampled_scores,
+    score_test,
+)
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
@@ -212,6 +219,8 @@ def test_p_family_wise_is_carried_on_without_a_jump():
     tiny = p < 1e-6
     np.testing.assert_allclose(found[tiny] / p[tiny], found[0] / p[0])
     assert scores.p_family_wise(0.0) == 0.0
+    # of curves, p may be a bound far above 1, and no draw need be likely
+    assert family_wise(np.zeros(DRAWS), 1e20) == 1.0
 
 
 @pytest.mark.parametrize("one_sided", [False, True])

@@ -277,7 +277,10 @@ def test_a_log_given_twice_does_not_count_twice(logs, truck) -> None:
 
 
 def test_a_folder_is_no_log(tmp_path: Path, truck) -> None:
-    with pytest.raises(ClutchestError, match="is a folder"):
+    with pytest.raises(ClutchestError, match="is a folder, expected a file; clutchest fleet takes"):
+        read_log(tmp_path, truck)
+    (tmp_path / "monday.log").write_text("")
+    with pytest.raises(ClutchestError, match=r"such as .*monday\.log; clutchest fleet"):
         read_log(tmp_path, truck)
 
 

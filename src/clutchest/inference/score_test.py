@@ -207,7 +207,7 @@ def family_wise(least: Floats, p: Floats | float) -> Floats:
     count = np.searchsorted(least, p, side="right")
     # draws below which counting is too coarse; the tail may be flatter than p beyond them
     known = min(max(round(0.01 * len(least)), 1), COUNTED)
-    carried = np.asarray(p) * known / len(least) / max(least[known - 1], 1e-300)
+    carried = np.minimum(p, 1.0) * known / len(least) / max(least[known - 1], 1e-300)
     return np.where(count >= known, count / len(least), np.minimum(carried, 1.0))
 
 
