@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import clutchest
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import settle
 from clutchest.inference.objective import Objective
@@ -108,3 +109,22 @@ def test_where_the_equations_have_everything_beyond_the_end_all_readings_count()
     problem = Problem.of(record(1, np.inf), noisy(0.5), ())
     objective, _ = settled_off_ends(problem)
     assert len(objective.problem.drives[0].readings.t) == COUNT
+
+
+def test_of_an_engine_that_has_stalled_no_speed_counts():
+    truck = clutchest.load_vehicle("truck")
+    signals = clutchest.simulate(truck, "launches", 5, duration=60.0)
+    speed = signals["engine_speed"]
+    noise = np.random.default_rng(2).normal(0.0, 0.06, len(speed.time))
+    stalled = np.where(speed.time > 45.0, np.maximum(noise, 0.0), speed.value)
+    signals = replace(
+        signals, signals={**signals.signals, "engine_speed": replace(speed, value=stalled)}
+    )
+
+    def near_none(vehicle: Vehicle) -> int:
+        [drive] = settled_off_ends(Problem.of(signals, vehicle, ()))[0].problem.drives
+        return int(np.count_nonzero(drive.line.z[drive.readings.event] < 1.0))
+
+    endless = replace(truck.signals["engine_speed"], minimum=None)
+    assert near_none(replace(truck, signals={**truck.signals, "engine_speed": endless})) > 100
+    assert near_none(truck) < 10

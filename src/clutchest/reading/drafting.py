@@ -124,6 +124,7 @@ class Draft:
             fraction=parts.get("fraction"),
             friction=parts.get("friction"),
             period=_period(self.found.sources.get(name)),
+            minimum=0.0 if like and like.minimum == 0.0 else None,  # in whatever unit
         )
 
     def _noise(self, candidate: SignalCandidate, like: SignalMap | None) -> float:
