@@ -127,6 +127,14 @@ def test_a_log_of_another_bench_is_refused():
         run("I1", log("I1", duration=20.0), benches=(stated, ()))
 
 
+def test_a_bench_that_the_data_contradict_is_refused():
+    """A motor alone that is said to be held: its back EMF would be resistance."""
+    stated = ((BenchSection(0.0, 1e3, "rotor-held"),),)
+    said = r"I1: .* miss by \d+ times the noise; .* rotor-held, but looks like motor-alone$"
+    with pytest.raises(ClutchestError, match=said):
+        run("I1", log("I3", duration=10.0), benches=(stated, ()))
+
+
 def test_a_log_that_holds_nothing_of_an_experiment_is_refused_once():
     """A held rotor that is said to be a motor alone: no run, so none of the six numbers."""
     stated = ((BenchSection(0.0, 1e3, "motor-alone"),),)

@@ -58,6 +58,22 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
     return BenchRecords(tuple(records), tuple(notes), tuple(parts))
 
 
+def look_otherwise(records: BenchRecords, vehicle: Vehicle) -> list[str]:
+    """In words, every drive whose data look like none of the benches that its records are of."""
+    benches = vehicle.machine.benches
+    assert benches is not None
+    of: dict[int, tuple[Signals, set[str]]] = {}
+    for drive, section in records.sections:
+        of.setdefault(id(drive), (drive, set()))[1].add(section.bench)
+    words = []
+    for drive, stated in of.values():
+        looks = dict.fromkeys(s.bench for s in benches.guess(bench_record(drive, vehicle)))
+        if looks and not stated & set(looks):
+            known, seen = (", ".join(names) for names in (sorted(stated), looks))
+            words.append(f"{_names(drive)} is stated to be of bench {known}, but looks like {seen}")
+    return words
+
+
 def stated_sections(
     drives: Signals, logs: Sequence[str], names: Sequence[str], vehicle: Vehicle
 ) -> Stated:
@@ -94,8 +110,12 @@ def _stem(path: str) -> str:
     return Path(path).name.partition(".")[0]
 
 
+def _names(drive: Signals) -> str:
+    return " ".join(source.rpartition("/")[2] for source in drive.sources) or "the log"
+
+
 def _guessed(drive: Signals, sections: Sequence[BenchSection], benches: Benches) -> str:
-    names = " ".join(source.rpartition("/")[2] for source in drive.sources)
+    names = _names(drive)
     if not sections:
         return f"{names}: neither current nor motion, so that no bench is recognised"
     words = [

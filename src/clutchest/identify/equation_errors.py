@@ -149,8 +149,9 @@ def _stacked(
 def _cost(
     parts: Sequence[EquationErrors], unknowns: _Unknowns, theta: Floats, scale: Floats
 ) -> float:
-    """−2 ln(probability) up to a constant."""
-    return float(np.sum(_stacked(parts, unknowns, theta, scale) ** 2) + np.sum(theta**2))
+    """−2 ln(probability) up to a constant; infinite where a step goes too far."""
+    with np.errstate(over="ignore"):
+        return float(np.sum(_stacked(parts, unknowns, theta, scale) ** 2) + np.sum(theta**2))
 
 
 def _jacobian(

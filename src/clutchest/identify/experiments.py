@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.errors import ClutchestError
-from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
+from clutchest.identify.bench_records import BenchRecords, Stated, bench_records, look_otherwise
 from clutchest.identify.bench_refit import refits
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import NOT_VALIDATED, ErrorChange, Fit, Fitted, Validation
@@ -27,6 +27,7 @@ from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle
 
 MISFIT = 1.5  # of the noise: larger equation errors are reported
+MISPLACED = 10.0  # of the noise: larger ones are refused if the data look like another bench's
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def identify_experiments(
 
     ``benches`` of each drive of ``signals`` and of ``holdout``, guessed where not stated; with
     ``refit`` each also by the likelihood of the filter's innovations.  Raises ClutchestError where
-    no experiment finds what it needs, in what it is given or in the records of its benches.
+    no experiment finds what it needs, or the data contradict the bench that is stated.
     """
     records = bench_records(signals, vehicle, benches[0])
     progress("reducing", None)
@@ -78,7 +79,7 @@ def identify_experiments(
         reasons = dict.fromkeys(f"{experiment.name}: {why}" for experiment, why in reduced.lacking)
         raise ClutchestError("nothing could be determined; " + "; ".join(reasons))
     progress("fitting", None)
-    posterior = fit_errors(reduced.errors, vehicle)
+    posterior = _fit(reduced, records, vehicle)
     keys = dict.fromkeys(key for e in reduced.experiments for key in e.parameters)
     wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
     if not wanted:
@@ -142,6 +143,20 @@ def reduced_records(experiments: Sequence[BenchExperiment], records: BenchRecord
     if not parts and not lacking:
         raise ClutchestError("; ".join(dict.fromkeys(notes)))
     return Reduced(tuple(parts), tuple(lacking), tuple(dict.fromkeys(notes)))
+
+
+def _fit(reduced: Reduced, records: BenchRecords, vehicle: Vehicle) -> BenchPosterior:
+    """Raises ClutchestError where equations miss by far on a bench that the data contradict."""
+    posterior = fit_errors(reduced.errors, vehicle)
+    worst = max(range(len(posterior.scale)), key=lambda i: posterior.scale[i])
+    if (scale := posterior.scale[worst]) > MISPLACED and (
+        words := look_otherwise(records, vehicle)
+    ):
+        raise ClutchestError(
+            f"{reduced.parts[worst][0].name}: the equations miss by {scale:.0f} times the noise; "
+            + "; ".join(words)
+        )
+    return posterior
 
 
 def _fitted(
