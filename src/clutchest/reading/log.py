@@ -278,12 +278,13 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
 
 def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:
     """The frames of ``blocks`` in pieces of at least ``_PIECE`` bytes, but for the last one."""
-    held: list[Frames] = []
+    held, size = list[Frames](), 0
     for block in blocks:
         held.append(block)
-        if sum(block.data.nbytes for block in held) >= _PIECE:
+        size += block.data.nbytes
+        if size >= _PIECE:
             yield Frames.concatenate(held)
-            held = []
+            held, size = [], 0
     yield Frames.concatenate(held)
 
 
