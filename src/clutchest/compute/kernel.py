@@ -24,7 +24,8 @@ from clutchest.compute.lowered import (
 )
 from clutchest.compute.records import Work
 from clutchest.compute.update import (
-    TINY,
+    answer_of_energy,
+    correct_energy,
     correct_signature,
     doubt,
     in_proportion,
@@ -96,12 +97,8 @@ def predict_signature(belief, dt, numbers, weighting, work):
     else:
         slopes(work.ua, work.ub, dt, work.slope)
         step_signature(belief.x, work.ua, work.ub, dt, w, p, g, work.slope, work.G, work.eG)
-    S, sE = belief.S, belief.sE
-    for c in range(THETAS):
-        sE[c] += work.eG[c]
-        for j in range(STATES):
-            sE[c] += work.e[j] * S[j, c]
-    propagate_signature(S, work.F, work.G)
+    answer_of_energy(belief.sE, work.eG, work.e, belief.S)
+    propagate_signature(belief.S, work.F, work.G)
 
 
 @inlined
@@ -157,12 +154,7 @@ def correct(k, h, belief, gained, events, weighting, work):
         work.PH,
         weighting.limit,
     )
-    correlated = 0.0
-    for i in range(STATES):
-        correlated += H[i] * cE[i]
-    for i in range(STATES):
-        cE[i] = cE[i] - K[i] * correlated + TINY - TINY
-        gained[1, i] += K[i] * K[i] * used
+    correct_energy(cE, gained, H, K, used)
     in_proportion(x, P, cE, K, innovation)
     doubt(P, held)
     gains = weighting.gains

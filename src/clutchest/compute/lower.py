@@ -10,10 +10,11 @@ from clutchest.errors import ClutchestError
 
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@compiled"
+_STRAIGHT = "@compiled(straight=True)"
 _APART = "@compiled(apart=True)"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
 # last bit beside a term that is zero
-CONTRACTED = "@compiled(contract=True)"
+CONTRACTED = "@compiled(contract=True, straight=True)"
 _APART_CONTRACTED = "@compiled(apart=True, contract=True)"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
@@ -71,7 +72,7 @@ def lower(
     inputs: dict[str, ca.SX],
     outputs: dict[str, ca.SX],
     returned: str = "",
-    compiled: str = _EXACT,
+    compiled: str = _STRAIGHT,
 ) -> str:
     """Source of a function ``name(inputs…, outputs…)`` that fills its output arrays.
 

@@ -22,6 +22,7 @@ from clutchest.native import compiled
 # --- the generated module goes on from here ---
 
 inlined = compiled(inline=True)  # what takes records
+apart = compiled(apart=True)  # no array overlaps another: a row's elements go in parallel
 
 # A covariance with a state that is measured again and again, and fed by nothing, fades by a factor
 # at each reading.  Far below 1e-280 a processor takes a hundred times as long over every number;
@@ -29,7 +30,7 @@ inlined = compiled(inline=True)  # what takes records
 TINY = 1e-280
 
 
-@compiled
+@apart
 def add_product(F, X, T, columns):
     """T ← T + F X, the first ``columns`` of them; the zeros of F cost nothing."""
     for i in range(STATES):
@@ -62,14 +63,15 @@ def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG):
     step_signature(x, va, vb, dt, w, p, g, slope, G, eG)
 
 
-@compiled
+@apart
 def propagate_energy(E, cE, P, F, e, work):
     """The energy as a state that no measurement corrects: its variance and covariance with x."""
     for i in range(STATES):
-        total = cE[i]
-        for j in range(STATES):
-            total += P[i, j] * e[j]
-        work[i] = total  # cov(E', x) before the step
+        work[i] = cE[i]
+    for j in range(STATES):
+        if e[j] != 0.0:
+            for i in range(STATES):
+                work[i] += P[j, i] * e[j]  # cov(E', x) before the step
     for i in range(STATES):
         E[1] += e[i] * (cE[i] + work[i])
     for i in range(STATES):
@@ -77,6 +79,28 @@ def propagate_energy(E, cE, P, F, e, work):
         for j in range(STATES):
             total += F[i, j] * work[j]
         cE[i] = total
+
+
+@apart
+def answer_of_energy(sE, eG, e, S):
+    """sE ← sE + eG + eᵀ S: how the energy answers to every θ after a step."""
+    for c in range(THETAS):
+        sE[c] += eG[c]
+    for j in range(STATES):
+        if e[j] != 0.0:
+            for c in range(THETAS):
+                sE[c] += e[j] * S[j, c]
+
+
+@apart
+def correct_energy(cE, gained, H, K, used):
+    """What a reading leaves of the energy's covariance with x, and takes away of x's variance."""
+    correlated = 0.0
+    for i in range(STATES):
+        correlated += H[i] * cE[i]
+    for i in range(STATES):
+        cE[i] = cE[i] - K[i] * correlated + TINY - TINY
+        gained[1, i] += K[i] * K[i] * used
 
 
 @compiled
@@ -96,7 +120,7 @@ def doubt(P, held):
         held[i] = sqrt(max(P[DOUBTED[i], DOUBTED[i]], 0.0))
 
 
-@compiled
+@apart
 def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
     """Hm (m) ← how a sensor's reading answers to every θ, by itself and through the state."""
     reading_signature(sensor, x, u, w, p, g, Hm)
@@ -106,7 +130,7 @@ def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
                 Hm[c] += H[i] * S[i, c]
 
 
-@compiled
+@apart
 def correct_signature(S, K, Hm):
     """S ← S − K Hmᵀ: what a measurement leaves of the state's answer to every θ."""
     for i in range(STATES):
@@ -114,19 +138,19 @@ def correct_signature(S, K, Hm):
             S[i, c] = S[i, c] - K[i] * Hm[c] + TINY - TINY
 
 
-@compiled
+@apart
 def times(P, H, PH):
-    """PH ← P H; a sensor sees few states, and the others cost nothing."""
+    """PH ← Pᵀ H, of whole rows; a sensor sees few states, and the others cost nothing."""
     for i in range(STATES):
         PH[i] = 0.0
     for j in range(STATES):
         h = H[j]
         if h != 0.0:
             for i in range(STATES):
-                PH[i] += P[i, j] * h
+                PH[i] += P[j, i] * h
 
 
-@compiled
+@apart
 def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     """One scalar measurement, Joseph's form; P stays exactly symmetric.
 
@@ -156,20 +180,21 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     for i in range(STATES):
         K[i] /= used
         x[i] += K[i] * innovation
-    # (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, one factor after the other
+    # (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, one factor after the other, and in between transposed
     for i in range(STATES):
         for j in range(STATES):
-            P[i, j] -= K[i] * PH[j]
+            P[i, j] -= PH[i] * K[j]
     times(P, H, PH)
-    for i in range(STATES):
-        for j in range(i + 1):
-            value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j] + TINY - TINY
-            P[i, j] = value
-            P[j, i] = value
+    for j in range(STATES):
+        for i in range(STATES):
+            P[j, i] = P[j, i] - PH[i] * K[j] + R_used * K[i] * K[j] + TINY - TINY
+    for i in range(1, STATES):
+        for j in range(i):
+            P[i, j] = P[j, i]
     return innovation, predicted, used
 
 
-@compiled
+@apart
 def in_proportion(x, P, cE, K, innovation):
     """What is known of factors, in proportion to where the last update has moved them.
 

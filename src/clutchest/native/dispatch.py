@@ -101,7 +101,7 @@ def _no_call(*arguments: Any) -> Any:
 def compiled(function: Callable[..., Any]) -> Any: ...
 @overload
 def compiled(
-    *, contract: bool = ..., inline: bool = ..., apart: bool = ...
+    *, contract: bool = ..., inline: bool = ..., apart: bool = ..., straight: bool = ...
 ) -> Callable[..., Any]: ...
 def compiled(
     function: Callable[..., Any] | None = None,
@@ -109,11 +109,12 @@ def compiled(
     contract: bool = False,
     inline: bool = False,
     apart: bool = False,
+    straight: bool = False,
 ) -> Any:
     """Have a function compiled; docs/architecture.md says what it may hold."""
 
     def made(function: Callable[..., Any]) -> CompiledFunction:
-        return CompiledFunction(Source(function, contract, inline, apart))
+        return CompiledFunction(Source(function, contract, inline, apart, straight))
 
     return made(function) if function else made
 
@@ -234,7 +235,7 @@ def _digest(function: CompiledFunction, types: tuple[Type, ...]) -> str:
         if id(of) in seen:
             continue
         seen.add(id(of))
-        code, how = of.source.code, (of.source.contract, of.source.inline, of.source.apart)
+        code, how = of.source.code, of.source.how
         parts.update(f"{of.source.name} {how} {code.co_consts!r}".encode())
         parts.update(code.co_code + repr(code.co_varnames).encode())
         for name in code.co_names:

@@ -85,6 +85,7 @@ def machine_code(text: str) -> bytes:
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     tuning = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
     tuning.loop_vectorization = True
+    tuning.slp_vectorization = True
     tuning.inlining_threshold = INLINED
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)

@@ -87,6 +87,7 @@ class LlvmModule:
         assert body.returns is not None
         made = Instance(f"{function.name}.{len(self.texts)}", body.returns)
         attributes = "alwaysinline " if function.inline else ""
+        attributes += "noinline noimplicitfloat " if function.straight else ""
         head = f"define internal {returned(made.returns)} @{made.symbol}({', '.join(parameters)})"
         self.texts.append(f"{head} {attributes}nounwind {{\n{body.w.text()}\n}}")
         return made

@@ -14,8 +14,10 @@ def compiled(
     contract: bool = False,
     inline: bool = False,
     apart: bool = False,
+    straight: bool = False,
 ) -> Any:
-    """As :func:`clutchest.native.dispatch.compiled`; numba finds out itself what lies apart."""
+    """As :func:`clutchest.native.dispatch.compiled`; numba finds out itself what lies apart, and
+    searches everything."""
     from numba import njit
 
     def made(function: Callable[..., Any]) -> Any:

@@ -21,18 +21,25 @@ class Source:
 
     ``contract``: a product and a sum may be rounded once; ``inline``: always inlined; ``apart``:
     no two of the arrays that it is given share memory, so that what is stored into one is read from
-    no other.
+    no other; ``straight``: long and without loops, so that it takes too long to search it for what
+    could go in parallel.
     """
 
     function: Callable[..., Any]
     contract: bool = False
     inline: bool = False
     apart: bool = False
+    straight: bool = False
 
     @property
     def name(self) -> str:
         """Its name."""
         return self.code.co_name
+
+    @property
+    def how(self) -> tuple[bool, ...]:
+        """All that is said of how it is compiled."""
+        return self.contract, self.inline, self.apart, self.straight
 
     @property
     def code(self) -> CodeType:
