@@ -148,20 +148,21 @@ class Signal:
 @compiled
 def _between(time, samples, value, gap):  # type: ignore[no-untyped-def]
     """``value`` at ``time``, straight between ``samples`` at most ``gap`` apart, else held."""
-    result, n, k = np.empty(len(time)), len(samples), 0
-    for i in range(len(time)):
-        t = time[i]
-        if k and t < samples[k - 1]:
-            k = np.searchsorted(samples, t, side="right")
-        while k < n and samples[k] <= t:  # k: the first sample behind t
+    result, n, k, i = np.empty(len(time)), len(samples), 0, 0
+    while i < len(time):
+        if k and time[i] < samples[k - 1]:
+            k = np.searchsorted(samples, time[i], side="right")
+        while k < n and samples[k] <= time[i]:  # k: the first sample behind
             k += 1
-        if k == 0:
-            result[i] = value[0]
-        elif k == n or t == samples[k - 1] or samples[k] - samples[k - 1] > gap:
-            result[i] = value[k - 1]
-        else:
-            slope = (value[k] - value[k - 1]) / (samples[k] - samples[k - 1])
-            result[i] = slope * (t - samples[k - 1]) + value[k - 1]
+        last = max(k - 1, 0)
+        since, held, slope = samples[last], value[last], 0.0
+        if 0 < k < n and samples[k] - since <= gap:
+            slope = (value[k] - held) / (samples[k] - since)
+        begin = since if k else -np.inf
+        end = samples[k] if k < n else np.inf
+        while i < len(time) and begin <= time[i] < end:
+            result[i] = slope * (time[i] - since) + held
+            i += 1
     return result
 
 

@@ -24,17 +24,26 @@ def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
 
 @compiled
 def _blind(time, samples, gap):  # type: ignore[no-untyped-def]
-    missing, k = np.zeros(len(time), np.bool_), 0
-    for i in range(len(time)):
-        while k < len(samples) and samples[k] < time[i]:
-            k += 1
-        if k == 0:
-            missing[i] = samples[0] - gap > time[i]
-        elif k == len(samples):
-            missing[i] = samples[-1] + gap < time[i]
-        else:
-            missing[i] = samples[k] - samples[k - 1] > gap
+    missing = np.zeros(len(time), np.bool_)
+    missing[: np.searchsorted(time, samples[0] - gap)] = True
+    missing[np.searchsorted(time, samples[-1] + gap, side="right") :] = True
+    for k in range(1, len(samples)):
+        if samples[k] - samples[k - 1] > gap:
+            first = np.searchsorted(time, samples[k - 1], side="right")
+            missing[first : np.searchsorted(time, samples[k], side="right")] = True
     return missing
+
+
+@compiled
+def places(values, some):  # type: ignore[no-untyped-def]
+    """As ``np.searchsorted(values, some)``, of ``some`` (n,) that ascend too: values are passed
+    once."""
+    place, k = np.empty(len(some), np.int64), 0
+    for i in range(len(some)):
+        while k < len(values) and values[k] < some[i]:
+            k += 1
+        place[i] = k
+    return place
 
 
 def white_density(noise: float, ar: float, period: float) -> float:

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
 from clutchest.estimate.sample_timing import SampleTiming
-from clutchest.estimate.samples import SensorReadings, blind, readings_of, slope, white_density
+from clutchest.estimate.samples import (
+    SensorReadings,
+    blind,
+    places,
+    readings_of,
+    slope,
+    white_density,
+)
 from clutchest.models.model import Model
 from clutchest.models.regimes import FREE, Observed, Regimes
 from clutchest.models.thresholds import Thresholds
@@ -133,7 +140,7 @@ def assemble(
     readings = _readings(setup, signals, timings, interval, stamps, regime)
     events = _in_order(readings, bare, interval)
 
-    of = np.clip(np.searchsorted(stamps, events.t), 0, len(stamps) - 1)
+    of = np.minimum(places(stamps, events.t), len(stamps) - 1)
     flags = _over_intervals(regime.flags(model.regime), of, model.regime)
     table, process, longest = setup.tables
     place = 2 ** np.arange(len(model.regime))[::-1]
@@ -242,7 +249,7 @@ def regimes(
 
 def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
     """The samples of ``signal`` that fall on stamps with the flag."""
-    rows = np.clip(np.searchsorted(stamps, signal.time), 0, len(stamps) - 1)
+    rows = np.minimum(places(stamps, signal.time), len(stamps) - 1)
     keep = flag[rows] & (signal.time <= stamps[-1])
     return signal.take(keep)
 
@@ -285,8 +292,8 @@ def _inputs(
 
 
 def _among(values: Floats, some: Floats) -> NDArray[np.bool_]:
-    """Which of the ascending ``values`` (n), each there once, are among ``some``."""
-    place, among = np.searchsorted(values, some), np.zeros(len(values), bool)
+    """Which of the ascending ``values`` (n), each there once, are among ``some``, ascending."""
+    place, among = places(values, some), np.zeros(len(values), bool)
     inside = place < len(values)
     place, some = place[inside], some[inside]
     among[place[values[place] == some]] = True
