@@ -93,6 +93,15 @@ def blocks_of(source: LogSource, also: str = "") -> Iterator[Frames]:
         yield Frames.empty(absolute=absolute, rejected=tuple(source.rejected.items()))
 
 
+def is_log(path: Path) -> bool:
+    """Whether the file begins like one of the formats."""
+    try:
+        with log_source.opened(path) as source:
+            return bool(source.head.strip() and format_of(source))
+    except ClutchestError:
+        return False
+
+
 def read_frames(path: Path, also: str = "") -> Frames:
     """All frames of a log at once; see :func:`read_blocks`."""
     return Frames.concatenate(read_blocks(path, also))

@@ -33,7 +33,7 @@ from clutchest.cli.verb import Verb, Verbs
 from clutchest.errors import ClutchestError
 from clutchest.extras import EXTRAS, missing
 
-_SWITCH_S = 5e-4  # compiled code that has ended waits no longer for a thread that runs Python
+_SWITCH_S = 1e-4  # compiled code that has ended waits no longer for a thread that runs Python
 _OBJECTS = 200_000  # made before Python searches for circles among them: in vain after imports
 
 _VERBS = (

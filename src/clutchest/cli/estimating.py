@@ -28,15 +28,18 @@ def estimated(
 
     Raises ClutchestError that names the file in which something is wrong.
     """
+    from clutchest.can.read_ahead import read_ahead
     from clutchest.errors import ClutchestError
-    from clutchest.reading import read_log
-    from clutchest.vehicle import load_vehicle
 
-    car = load_vehicle(source.vehicle, trust=source.trust)
-    before = None if source.state is None else _state(source.state)
     show("reading", None)
-    meanwhile("casadi", "clutchest.estimate.replay")
-    signals = read_log(source.logs, car, window.parse(), traffic=traffic)
+    with read_ahead(source.logs[0]) as begun:
+        from clutchest.reading import read_log
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(source.vehicle, trust=source.trust)
+        before = None if source.state is None else _state(source.state)
+        meanwhile("casadi", "clutchest.estimate.replay")
+        signals = read_log(source.logs, car, window.parse(), traffic=traffic, begun=begun)
     from clutchest.estimate.initial_state import StateError
     from clutchest.estimate.replay import replay
 

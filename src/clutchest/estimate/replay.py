@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +25,6 @@ from clutchest.estimate.explanation import explained
 from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
-from clutchest.estimate.made_ahead import made_ahead
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.summary import Part, summarise
@@ -33,12 +32,14 @@ from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.tracking import responses, unmeasured_band
 from clutchest.estimate.whole_log import compile_model, delays
+from clutchest.made_ahead import made_ahead
+from clutchest.patient_loading import at_work
 from clutchest.progress import Progress
 from clutchest.reading import Logs, as_signals
 from clutchest.signals import HEAD, Signal, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
-STRETCH = 600.0  # s that are filtered together
+SHORTEST, STRETCH = 75.0, 600.0  # s that are filtered together
 TOGETHER = 8  # stretches whose estimates are put away together
 FASTEST = 1000.0  # Hz, of the output grid
 
@@ -148,11 +149,11 @@ def _in_stretches(
     drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress, engine)
     timings_of(signals, drive.setting)  # raises where this log cannot be filtered
     latest = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
-    stops = np.arange(max(latest + HEAD, STRETCH), signals.end - HEAD, STRETCH)
+    stops = _stops(latest + HEAD, signals.end - HEAD)
     tracks: list[Track] = []
     recent: list[Track] = []
-    ready = _stretches(drive, usable, (*stops.tolist(), np.inf), signals.end)
-    with made_ahead(ready) as stretches:
+    ready = _stretches(drive, usable, (*stops, np.inf), signals.end)
+    with made_ahead(ready) as stretches, at_work():
         warnings = list(warnings_of(signals, drive.setting))
         for stretch in stretches:
             if progress:
@@ -173,20 +174,31 @@ def _in_stretches(
     return joined([*tracks, *recent]), part, left
 
 
+def _stops(first: float, end: float) -> Iterator[float]:
+    """Where stretches end, s, from ``first`` on and before ``end``: the filter waits for the first
+    one, so they begin short."""
+    stop, length = max(first, SHORTEST), SHORTEST
+    while stop < end:
+        yield stop
+        length = min(2.0 * length, STRETCH)
+        stop += length
+
+
 def _stretches(
-    drive: Drive, usable: Mapping[str, Signal], stops: Sequence[float], end: float
+    drive: Drive, usable: Mapping[str, Signal], stops: Iterable[float], end: float
 ) -> Iterator[Stretch]:
     """The stretches of a drive up to each of ``stops``, s, the last one infinite; its signals
     ``end`` there."""
     done = -np.inf
     for stop in stops:
         last = stop == np.inf
-        new = {
-            name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
-            for name, signal in usable.items()
-        }
-        stretch = drive.ready(new, dict.fromkeys(new, end if last else stop), last)
-        memory_mapped.release_memory()
+        with at_work():
+            new = {
+                name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
+                for name, signal in usable.items()
+            }
+            stretch = drive.ready(new, dict.fromkeys(new, end if last else stop), last)
+            memory_mapped.release_memory()
         if stretch is not None:
             yield stretch
         done = stop

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -74,6 +74,7 @@ def read_log(
     window: TimeWindow | tuple[float | None, float | None] = EVERYTHING,
     *,
     traffic: bool = True,
+    begun: Mapping[Path, Iterator[Frames]] = {},
 ) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
@@ -84,7 +85,8 @@ def read_log(
     one drive; all others are drives of their own, in ``later`` in order of time. Of each drive only
     what lies in ``window``, as ``(60, 300)`` s, is kept, with times in s from its start. Delays
     that the vehicle file states are not applied. Without ``traffic`` the times and the integrity of
-    frames, which fault tests need, are left out.
+    frames, which fault tests need, are left out.  ``begun``: the blocks of logs that are being read
+    already, by path.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
@@ -100,7 +102,9 @@ def read_log(
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     pieces = [
-        _table(log, vehicle) if is_table else _frames(log, wanted)
+        _table(log, vehicle)
+        if is_table
+        else _frames(log, begun.get(log) or files.read_blocks(log, tables_in_words()), wanted)
         for log, is_table in zip(logs, tabular, strict=True)
     ]
     groups = [
@@ -260,10 +264,10 @@ def _table(given: Path | Any, vehicle: Vehicle) -> _Piece:
     return _Piece(path, signals, True, signals.start_ns, end)
 
 
-def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
+def _frames(path: Path, blocks: Iterator[Frames], wanted: Sequence[Message]) -> _Piece:
     """The frames of a log that carry ``wanted`` messages; the log may be larger than memory."""
     needed = FrameFilter(wanted, int(SPLIT_S * 1e9))
-    kept = (needed.kept(block) for block in files.read_blocks(path, tables_in_words()))
+    kept = (needed.kept(block) for block in blocks)
     frames = Frames.concatenate(_in_pieces(files.held(path, kept)))
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from clutchest.estimate.made_ahead import made_ahead
+from clutchest.made_ahead import made_ahead
 
 
 def test_the_next_item_is_made_while_one_is_used() -> None:
@@ -50,6 +50,24 @@ def test_no_more_than_one_item_waits() -> None:
         for item in taken:
             assert len(made) <= item + 2
     assert made == list(range(5))
+
+
+def test_as_many_wait_as_are_asked_for() -> None:
+    made: list[int] = []
+    third = threading.Event()
+
+    def items() -> Iterator[int]:
+        for k in range(9):
+            made.append(k)
+            if k == 3:
+                third.set()
+            yield k
+
+    with made_ahead(items(), 3) as taken:
+        next(taken)
+        assert third.wait(30.0)
+        assert len(made) == 4
+    assert len(made) < 9
 
 
 def test_what_making_an_item_raises_is_raised_here() -> None:
