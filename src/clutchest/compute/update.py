@@ -167,11 +167,12 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     for i in range(STATES):
         predicted += H[i] * PH[i]
         K[i] = PH[i]
-    for c in range(len(considered)):
-        part = considered[c] * Hm[c]
-        predicted += part * Hm[c]
+    if len(considered) > 0:
+        for c in range(THETAS):
+            predicted += considered[c] * Hm[c] * Hm[c]
         for i in range(STATES):
-            K[i] += S[i, c] * part
+            for c in range(THETAS):
+                K[i] += S[i, c] * (considered[c] * Hm[c])
     innovation = z - h
     used = predicted
     if innovation * innovation > limit * limit * predicted:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import entry_points
 
 from clutchest.can.frames import Frames
 from clutchest.can.log_format import LogFormat
@@ -17,6 +16,8 @@ from clutchest.errors import ClutchestError
 
 @cache
 def _suffixes() -> frozenset[str]:
+    from importlib.metadata import entry_points
+
     from can.io.player import MESSAGE_READERS
 
     plugged = {plug.name for plug in entry_points(group="can.io.message_reader")}
