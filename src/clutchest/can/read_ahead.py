@@ -13,7 +13,7 @@ from clutchest.made_ahead import made_ahead
 from clutchest.shipped import locate
 
 COMPILED = (".log", ".asc", ".blf", ".trc")  # their readers hardly take Python from others
-AHEAD = 64  # blocks
+AHEAD = 32  # blocks
 
 
 @contextmanager

@@ -39,8 +39,8 @@ from clutchest.reading import Logs, as_signals
 from clutchest.signals import HEAD, Signal, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
-SHORTEST, STRETCH = 75.0, 600.0  # s that are filtered together
-TOGETHER = 12  # stretches whose estimates are put away together
+SHORTEST, STRETCH = 150.0, 600.0  # s that are filtered together
+TOGETHER = 8  # stretches whose estimates are put away together
 FASTEST = 1000.0  # Hz, of the output grid
 
 
