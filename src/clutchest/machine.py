@@ -13,13 +13,14 @@ from clutchest.models.declarations import (
 )
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.fault import Demand, Follower, ModelFault
+from clutchest.models.fault import Actuator, Demand, Follower, ModelFault
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model, Quantities
 from clutchest.models.regimes import Observed, RegimeRules, Regimes
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
 
 __all__ = [
+    "Actuator",
     "Column",
     "Comparison",
     "Demand",

@@ -28,6 +28,7 @@ SHOWS = {
     "pack_heat": (1e5, "temp_pack"),
     "armature_heat": (1e3, "temp_armature"),
     "play": (1e-5, "free_play"),
+    "jam": (1.0, "motor_speed"),
 }
 
 

@@ -15,13 +15,12 @@ from clutchest.estimate.run import Run
 def contradictions(run: Run, drives: Sequence[DriveDiagnosis]) -> list[Fault]:
     """The first drive's fault of every signal in question, with its best explanation.
 
-    One without an explanation is none where a test of frames or signals has failed: that fault
-    says more.
+    It is none where the drive's tests of frames and signals say more.
     """
     faults: dict[str, Fault] = {}
     for number, (track, drive) in enumerate(zip(run.tracks, drives, strict=True)):
         found = track.contradiction
-        if found is None or (not found.kind and drive.streams.failed):
+        if found is None or drive.streams.explain(found):
             continue
         name = f"{CONTRADICTION}:{found.signal}"
         spn, fmi = number_of(name, run.vehicle)

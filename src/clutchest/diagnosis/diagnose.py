@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchest.checked import checked
 from clutchest.diagnosis import structure
-from clutchest.diagnosis.codes import MISFIT, WEAR, number_of_set, status_byte
+from clutchest.diagnosis.codes import CONTRADICTION, MISFIT, WEAR, number_of_set, status_byte
 from clutchest.diagnosis.contradiction import contradictions
 from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis, effects_for
 from clutchest.diagnosis.faults import Alarm, StreamTest
@@ -93,7 +93,7 @@ def _stream_fault(run: Run, drives: Drives, number: int, test: StreamTest, first
     ]
     return Fault(
         fault=test.name,
-        set=(test.name, *_explained(test, drives[number])),
+        set=(test.name, *_explained(test, drives[number]), *_never_held(run, number, first, test)),
         drive=number,
         began_s=first.begun,
         first_detected_s=first.detected,
@@ -116,6 +116,14 @@ def _explained(test: StreamTest, drive: DriveDiagnosis) -> list[str]:
         if other.kind == "missing"
         and any(test in drive.streams.masked(other, alarm) for alarm in other.alarms)
     ]
+
+
+def _never_held(run: Run, number: int, first: Alarm, test: StreamTest) -> list[str]:
+    """The contradiction that says as much of a drive in which the part never worked."""
+    found = run.tracks[number].contradiction
+    if found is None or not found.kind or first.begun or found.signal not in test.signals:
+        return []
+    return [] if test.subject in test.signals else [f"{CONTRADICTION}:{found.signal}"]
 
 
 # --- faults of the equations ----------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.special import ndtr, ndtri
 from clutchest.diagnosis.blocks import blocks_of
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import SHORTEST_H, FaultTestResults, run_fault_tests
-from clutchest.diagnosis.faults import Alarm
+from clutchest.diagnosis.faults import Alarm, StreamTest
 from clutchest.diagnosis.streams import RECOVERY_S, SILENT_BUS, StreamTests, between
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
@@ -57,7 +58,7 @@ class DriveDiagnosis:
         streams.take(signals, length)
         valid = _valid(signals, streams, run)
         equations, why_not = None, "signals and model contradict each other"
-        if track.contradiction is None or (not track.contradiction.kind and streams.failed):
+        if track.contradiction is None or streams.explain(track.contradiction):
             equations, why_not = _equations(run, signals, valid, per_1000h, progress)
         wear = _wear(run, track, per_1000h, length)
         return cls(length, valid, streams, equations, why_not, wear)
@@ -70,7 +71,7 @@ def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
     for test in streams.tests:
         if test.harmless:
             continue
-        for name in _signals_of(test.subject, test.of_message, run.vehicle):
+        for name in _signals_of(test, run.vehicle):
             if name not in kept:
                 continue
             for alarm in test.alarms:
@@ -89,10 +90,11 @@ def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
     return replace(before, signals=usable, end=end)
 
 
-def _signals_of(subject: str, of_message: bool, vehicle: Vehicle) -> list[str]:
-    if not of_message:
-        return [subject]
-    return [name for name, s in vehicle.signals.items() if s.bus.message == subject]
+def _signals_of(test: StreamTest, vehicle: Vehicle) -> Sequence[str]:
+    """The signals that are of no use to the equations while ``test`` fails."""
+    if not test.of_message:
+        return test.signals if test.subject not in vehicle.signals else [test.subject]
+    return [name for name, s in vehicle.signals.items() if s.bus.message == test.subject]
 
 
 def effects_for(machine: Machine) -> tuple[Effect, ...]:

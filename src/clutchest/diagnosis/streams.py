@@ -10,6 +10,7 @@ from clutchest.can.activity import RESOLUTION_NS
 from clutchest.diagnosis.faults import Alarm, Batch, StreamTest, stream_tests
 from clutchest.diagnosis.faults.missing import Missing
 from clutchest.diagnosis.faults.silent import BUS, Silent
+from clutchest.estimate.run import Contradiction
 from clutchest.signals import Floats, Signal, Signals, Traffic
 from clutchest.vehicle import Vehicle
 
@@ -55,6 +56,14 @@ class StreamTests:
     def failed(self) -> bool:
         """Whether any test has failed that is of consequence to the estimates."""
         return any(test.alarms and not test.harmless for test in self.tests)
+
+    def explain(self, found: Contradiction) -> bool:
+        """Whether a failed test says more of signals and model that contradict each other: any, if
+        nothing else explains it, or that of a part which does not do what ``found.signal`` says."""
+        parts = (
+            t for t in self.tests if t.alarms and not t.harmless and t.subject not in t.signals
+        )
+        return (not found.kind and self.failed) or any(found.signal in t.signals for t in parts)
 
     def masked(self, test: StreamTest, alarm: Alarm) -> list[StreamTest]:
         """The tests of the whole message or bus, or of a signal that ``test`` uses, whose faults

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -43,6 +43,18 @@ class Follower:
     leader: str
     follower: str
     stroke: float
+
+
+@dataclass(frozen=True, slots=True)
+class Actuator:
+    """A ``subject`` whose ``drive`` (a signal: voltage, current, pressure) moves its ``output``: a
+    rise of the drive from a to b that lasts moves it by at least ``least(parameters, a, b)``, in
+    the output's unit, 0 where friction may hold it; where it does not move, the subject sticks."""
+
+    subject: str
+    drive: str
+    output: str
+    least: Callable[[Mapping[str, float], float, float], float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import Effect
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.experiments import Benches, BenchExperiment
-from clutchest.models.fault import Demand, Follower, ModelFault
+from clutchest.models.fault import Actuator, Demand, Follower, ModelFault
 from clutchest.models.machine_defects import defects
 from clutchest.models.model import Model
 from clutchest.models.procedures import Picture, Procedure
@@ -93,7 +93,7 @@ class Machine:
     knows together.
 
     For diagnosis: ``faults`` of the equations, the ``fault_signals`` that their tests need,
-    ``followers`` and ``demands``.
+    ``followers``, ``actuators`` and ``demands``.
 
     For identification: ``procedures``, ways to determine some of the parameters; ``experiments`` on
     ``benches`` that determine some of them by equations of their own; ``pictures`` of a
@@ -156,6 +156,7 @@ class Machine:
     faults: tuple[ModelFault, ...] = ()
     fault_signals: tuple[str, ...] = ()
     followers: tuple[Follower, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
     demands: tuple[Demand, ...] = ()
     procedures: tuple[Procedure, ...] = ()
     experiments: tuple[BenchExperiment, ...] = ()

@@ -63,6 +63,7 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
         (("regimes.signals", name) for name in machine.regimes.signals),
         (("fault_signals", name) for name in machine.fault_signals),
         (("followers", n) for f in machine.followers for n in (f.leader, f.follower)),
+        (("actuators", n) for a in machine.actuators for n in (a.drive, a.output)),
         (("demands", n) for d in machine.demands for n in (d.subject, *d.demands, d.released)),
         (("overview", name) for name in machine.overview),
         (("delay_relations", r.signal) for r in machine.delay_relations),

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from math import inf
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
 
 from clutchest.diagnosis.faults.messages import TEMPERATURE
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
@@ -15,12 +16,14 @@ from clutchest.signals import Floats, Why
 from clutchest.vehicle import Vehicle
 
 CONSECUTIVE = 3  # samples; a single one is an outlier
+_NOISE = np.linspace(-10.0, 10.0, 401)  # of the sample before, in standard deviations
+_DENSITY = np.exp(-(_NOISE**2) / 2.0) / np.sqrt(2.0 * np.pi) * (_NOISE[1] - _NOISE[0])
 
 
 class Implausible(StreamTest):
     """Three consecutive samples outside the plausible range, changing faster than is plausible, or
-    marked as faulty by the sender; the range is widened by the noise of so many samples at the
-    stated false-alarm rate."""
+    marked as faulty by the sender; range and change are widened by the noise of so many samples at
+    the stated false-alarm rate."""
 
     kind, fmi = "implausible", 2
 
@@ -66,11 +69,11 @@ class Implausible(StreamTest):
                 self.fail(Alarm(self.begun, float(time[k]), what=what))
 
     def _wrong(self, time: Floats, value: Floats, marked: np.ndarray) -> list[bool]:
-        margin, wrong = self.margin, []
+        margin, leap, wrong = self.margin, self.leap, []
         for t, v, bad in zip(time.tolist(), value.tolist(), marked.tolist(), strict=True):
             outside = bad or not self.low - margin <= v <= self.high + margin
             before, last = self.last
-            most = self.rate * (t - before) + np.sqrt(2.0) * margin
+            most = self.rate * (t - before) + leap
             jumped = not bad and before > -inf and abs(v - last) > most
             if not outside and not jumped:
                 self.last = t, v  # a jump is measured against the last plausible sample
@@ -80,8 +83,22 @@ class Implausible(StreamTest):
     @property
     def margin(self) -> float:
         """What noise adds to so many consecutive samples at the stated false-alarm rate."""
-        count = 3.6e6 / max(self.period, 1e-3) / self.per_1000h
-        return float(-self.noise * ndtri((1.0 / max(count, 10.0)) ** (1.0 / CONSECUTIVE)))
+        return float(-self.noise * ndtri(self._chance ** (1.0 / CONSECUTIVE)))
+
+    @property
+    def leap(self) -> float:
+        """What it adds to the differences of so many samples from one and the same sample."""
+
+        def excess(most: float) -> float:
+            each = ndtr(_NOISE - most) ** CONSECUTIVE
+            return float(2.0 * (_DENSITY * each).sum() - self._chance)  # up or down
+
+        return self.noise * float(brentq(excess, 0.0, 2.0 * _NOISE[-1]))
+
+    @property
+    def _chance(self) -> float:
+        """Of a false alarm at one sample, by the stated rate."""
+        return 1.0 / max(3.6e6 / max(self.period, 1e-3) / self.per_1000h, 10.0)
 
     @property
     def threshold(self) -> float | None:

@@ -18,6 +18,7 @@ ORDER = 4  # of the differences: smooth motion vanishes in them
 BLOCK = 50  # differences whose median is one sample of the level
 MATTERS = 2.0  # times the usual variance: half of what twice the noise makes
 GAP = 3.0  # sample periods
+NO_STEP = 0.01  # of the stated noise: rounding of what is computed, not the bus's resolution
 SMOOTH = 4.0  # second over fourth differences, both relative to pure noise: more is motion
 _LONG = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _SHORT = np.array([1.0, -2.0, 1.0])
@@ -29,9 +30,10 @@ class Noise(StreamTest):
     estimated tail of this signal's level.
 
     The level is the median of squared fourth differences over its expectation for the stated
-    noise.  Motion contributes to them too, but more to second differences: blocks in which it does
-    are not tested.  Where the vehicle file guesses the noise, the test does not run: a higher level
-    is then no evidence of a fault.
+    noise, with or without what uneven stamps make of the mean motion, whichever is smaller: stamps
+    may be those of the samples or not.  Motion contributes to them too, but more to second
+    differences: blocks in which it does are not tested.  Where the vehicle file guesses the noise,
+    the test does not run: a higher level is then no evidence of a fault.
     """
 
     kind, fmi = "noise", 2
@@ -67,15 +69,14 @@ class Noise(StreamTest):
         used = count * BLOCK
         self.rest = np.array([time[used:], value[used:]])
         time, value = time[: used + ORDER], value[: used + ORDER]
-        gaps, steps = np.diff(time), np.abs(np.diff(value))
+        gaps, steps = np.diff(time), np.abs(np.diff(value, 2))  # of a value that moves as well
         self.period = self.period or float(np.median(gaps[:BLOCK]))
-        steps[steps == 0.0] = np.inf
+        steps[steps < NO_STEP * self.std] = np.inf
         step = np.minimum.accumulate(
-            np.append(self.step, steps[ORDER - 1 :].reshape(count, BLOCK).min(axis=1))
+            np.append(self.step, steps[ORDER - 2 :].reshape(count, BLOCK).min(axis=1))
         )[1:]
         self.step = float(step[-1])
-        long = np.median(np.diff(value, 4).reshape(count, BLOCK) ** 2, axis=1)
-        short = np.median(np.diff(value, 2)[1:-1].reshape(count, BLOCK) ** 2, axis=1)
+        long, short = _differences(time, value, count)
         level, short = long / self._expected(_LONG, step), short / self._expected(_SHORT, step)
         whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= GAP * self.period
         begin, end = time[:used:BLOCK], time[BLOCK + ORDER - 1 :: BLOCK]
@@ -134,6 +135,20 @@ class Noise(StreamTest):
         tested = f"tested over {self.blocks} blocks of {BLOCK} samples"
         stated = with_unit(f"{self.std:.3g}", self.unit)
         return f"limit: twice the variance of the stated noise of {stated}; {tested}"
+
+
+def _differences(time: Floats, value: Floats, count: int) -> tuple[Floats, Floats]:
+    """Median squared fourth and second differences of each of ``count`` blocks of samples."""
+    speed = (value[ORDER:] - value[:-ORDER]) / np.maximum(time[ORDER:] - time[:-ORDER], 1e-9)
+    of_value = np.diff(value, ORDER), np.diff(value, 2)[1:-1]
+    of_time = np.diff(time, ORDER), np.diff(time, 2)[1:-1]
+    medians = [
+        np.median((v - share * speed * t).reshape(count, BLOCK) ** 2, axis=1)
+        for share in (0.0, 1.0)
+        for v, t in zip(of_value, of_time, strict=True)
+    ]
+    even = medians[0] <= medians[2]
+    return np.where(even, medians[0], medians[2]), np.where(even, medians[1], medians[3])
 
 
 def _variance(weights: Floats, ar: float) -> float:

@@ -60,7 +60,7 @@ class StreamTest(ABC):
     kind: ClassVar[str]
     fmi: ClassVar[int]
     of_message: ClassVar[bool] = False
-    harmless: ClassVar[bool] = False
+    harmless: bool = False
     masked_by: ClassVar[tuple[str, ...]] = ("missing", "frozen")
     masked_by_signal: ClassVar[tuple[str, ...]] = ()
 

@@ -163,7 +163,7 @@ _GAINS = (
 # does: voltage lost before the motor (V), load on it (Nm), shift of the stop at which it is at home
 # (rad at the ball ramp), shares of the axial damping and of the coefficients of friction, the
 # clutch's and the ball ramp's, that are added to them, torque that a film carries (Nm), heat into
-# pack and armature (W), free play (m).
+# pack and armature (W), free play (m); 1 where something jams the motor.
 FOREIGN = (
     "voltage",
     "load",
@@ -175,6 +175,7 @@ FOREIGN = (
     "pack_heat",
     "armature_heat",
     "play",
+    "jam",
 )
 NUMBERS = np.dtype(
     [

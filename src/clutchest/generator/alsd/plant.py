@@ -235,7 +235,9 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
         load = torque + home
         if twist > 0.0:
             load += sigma * y.ramp_bristle  # (9)
-    if c.bench != ROTOR_HELD:
+    if p.foreign_jam > 0.0:
+        y.motor_speed = 0.0
+    elif c.bench != ROTOR_HELD:
         net = Kt * y.current - friction - load / p.gear_ratio - p.foreign_load
         y.motor_speed += h / p.motor_inertia * net
         y.motor_angle += h * y.motor_speed

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Container
 from typing import Any
 
+from clutchest.models.alsd.actuator import ACTUATOR
 from clutchest.models.alsd.error_terms import (
     COVARIATES,
     DURATIONS,
@@ -105,6 +106,7 @@ MACHINE = Machine(
     sensor_for=SENSOR_FOR,
     separating_manoeuvres=SEPARATING_MANOEUVRES,
     faults=faults_in("clutchest.models.alsd.faults"),
+    actuators=(ACTUATOR,),
     fault_signals=("armature_voltage", "armature_current", "motor_angle"),
     experiments=EXPERIMENTS,
     benches=BENCHES,
