@@ -67,10 +67,10 @@ def jammed() -> Signals:
     return run("alsd_rig", "rig-steps", 20.0, Jammed(JAM))
 
 
-def test_a_motor_that_jams_is_seen_after_three_engagements(jammed):
+def test_a_motor_that_jams_is_seen_after_two_engagements(jammed):
     found = stream_tests(jammed)[STICKING]
     (alarm,) = found.alarms
-    assert JAM - 1.0 < alarm.begun <= JAM < alarm.detected < JAM + 8.0
+    assert JAM - 1.0 < alarm.begun <= JAM < alarm.detected < JAM + 6.0
     assert "armature voltage changed by" in alarm.what and "motor angle by 0 rad" in alarm.what
     assert found.failing and not found.harmless
 

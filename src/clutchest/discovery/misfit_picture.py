@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numpy.typing import NDArray
 
 from clutchest.discovery.residuals import Bins, Misfit
 from clutchest.models.declarations import Comparison
@@ -18,6 +19,7 @@ from clutchest.pictures import Picture
 from clutchest.quantity import Quantity
 from clutchest.signals import Floats
 
+VISIBLE = 9.0  # χ² of binned residuals that an extended model removes: a line in the picture
 GAP = 10.0  # usual steps between samples; a longer one parts two slips
 
 
@@ -51,15 +53,26 @@ def most_significant(bins: Sequence[Bins], covariate: str, extended: bool) -> Bi
     model those in which it removed most of that."""
 
     def excess(b: Bins) -> float:
-        counted = (b.count > 0) & (b.error > 0)
-        n = np.count_nonzero(counted)
-        chi2 = np.sum((b.mean[counted] / b.error[counted]) ** 2)
         if extended:
-            left = np.sum((b.after[counted] / b.error[counted]) ** 2)
-            return float(chi2 - left)
-        return float((chi2 - n) / np.sqrt(2 * n)) if n else -np.inf
+            return removed(b)
+        n = np.count_nonzero(_counted(b))
+        return float((_chi2(b, b.mean) - n) / np.sqrt(2 * n)) if n else -np.inf
 
     return max((b for b in bins if b.covariate == covariate), key=excess, default=None)
+
+
+def removed(bins: Bins) -> float:
+    """χ² of the means that the extended model removes."""
+    return _chi2(bins, bins.mean) - _chi2(bins, bins.after)
+
+
+def _chi2(bins: Bins, mean: Floats) -> float:
+    counted = _counted(bins)
+    return float(np.sum((mean[counted] / bins.error[counted]) ** 2))
+
+
+def _counted(bins: Bins) -> NDArray[np.bool_]:
+    return np.asarray((bins.count > 0) & (bins.error > 0))
 
 
 def draw_misfit(
@@ -139,7 +152,10 @@ def _draw_bins(misfit: Misfit, machine: Machine, driver: str, extended: bool, ax
         axes.margins(y=0.3)  # room for the legend
         axes.legend(fontsize=8, ncols=2, loc="upper center")
     sensor = Quantity(bins.sensor, "1").words
-    axes.set_title(f"{sensor}, {bins.mode}: mean ± 2 standard errors", loc="left", fontsize=9)
+    title = f"{sensor}, {bins.mode}: mean ± 2 standard errors"
+    if extended and removed(bins) < VISIBLE:
+        title = f"not visible here: in the original model\nits parameters make up for it\n{title}"
+    axes.set_title(title, loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)
     axes.set_ylabel("residual [standard deviations]")
 

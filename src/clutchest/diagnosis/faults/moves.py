@@ -36,7 +36,8 @@ class Moves(Protocol):
     """Finds the moves in new samples; keeps what the next samples need.
 
     ``subject``: what sticks; ``leader``, ``follower``: the signals; ``std`` of a ``moved``;
-    ``never``: there was no move, in words.
+    ``never``: there was no move, in words; ``needed``: how many without motion are a fault, however
+    clear each of them is; ``harmless``: the equations hold all the same.
     """
 
     subject: str
@@ -44,6 +45,7 @@ class Moves(Protocol):
     follower: str
     std: float
     never: str
+    needed: int
     harmless: bool
 
     def take(self, follower: Signal, leader: Signal) -> list[Move]:
@@ -54,7 +56,7 @@ class Following:
     """Moves of a leader between samples of its follower, beyond the leader's free stroke."""
 
     never = "never moved beyond its free stroke"
-    harmless = True
+    needed, harmless = 3, True
 
     def __init__(self, vehicle: Vehicle, pair: Follower) -> None:
         self.subject, self.leader, self.follower = pair.subject, pair.leader, pair.follower
@@ -103,7 +105,7 @@ class Actuation:
     """
 
     never = "never rose by more than friction may hold"
-    harmless = False
+    needed, harmless = 2, False
 
     def __init__(self, vehicle: Vehicle, actuator: Actuator) -> None:
         self.subject, self.leader = actuator.subject, actuator.drive

@@ -61,7 +61,8 @@ class Sticking(StreamTest):
         self.count += len(moves)
         variance = 2.0 * self.moves.std**2
         gains = ((moved - least) ** 2 - moved**2) / (2.0 * variance)
-        gains = np.clip(gains, -self._bound() / 2.0, self._bound() / 2.0)
+        most = self._bound() / (self.moves.needed - 1)
+        gains = np.clip(gains, -most, most)
         path, begun = np.zeros(len(gains)), np.zeros(len(gains), np.int64)
         self.level = min(cusum(gains, self.level, path, begun), 2.0 * self._bound())
         for k in range(len(path)):
