@@ -286,6 +286,21 @@ def test_signals_of_different_units_that_are_swapped_are_named(rig_drive):
     assert "armature_current and motor_angle are swapped" in found["explanation"]
 
 
+@pytest.mark.slow
+def test_an_angle_in_degrees_is_named(rig_drive):
+    found = replay(mended(rig_drive, motor_angle=np.degrees), "alsd_rig").summary["contradiction"]
+    assert "motor_angle is 180/π times too large" in found["explanation"]
+
+
+def test_the_stretch_with_which_a_drive_ends_is_judged_too(truck, healthy):
+    """A log of 20 s has but one that is whole (development)."""
+    wrong = track(healthy, 19.9, z=30.0 * truck.sensors[0].tolerance)
+    begun, over = judge(truck), judge(truck)
+    begun.take(wrong)
+    over.take(wrong, last=True)
+    assert begun.found is None and over.found is not None
+
+
 def test_a_swap_that_makes_no_machine_is_not_tried(demo):
     """A torque of 20 Nm in an outside air of 2000 °C."""
     truck = clutchest.load_vehicle("truck")

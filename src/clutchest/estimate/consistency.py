@@ -48,9 +48,9 @@ class Consistency:
         self._outside: dict[str, float] = {}  # state → s
         self._last_s, self._most_J = -np.inf, 0.0
 
-    def take(self, track: Track) -> Track:
-        """The next piece, its estimates not valid behind a contradiction."""
-        found = [self._misfit(track), self._impossible(track), self._returned(track)]
+    def take(self, track: Track, last: bool = False) -> Track:
+        """The next piece, or the ``last`` one, its estimates not valid behind a contradiction."""
+        found = [self._misfit(track, last), self._impossible(track), self._returned(track)]
         if self.found is None:
             known = [c for c in found if c is not None]
             self.found = min(known, key=lambda c: c.since_s, default=None)
@@ -59,11 +59,12 @@ class Consistency:
         before = track.time < self.found.since_s
         return replace(valid_where(track, before), contradiction=self.found)
 
-    def _misfit(self, track: Track) -> Contradiction | None:
-        """Innovations: the median of each stretch against the sensor's tolerance."""
+    def _misfit(self, track: Track, last: bool) -> Contradiction | None:
+        """Innovations: the median of each stretch against the sensor's tolerance; a stretch ends
+        with the drive, too."""
         events = track.innovations
         latest = np.concatenate([events.time[-1:], track.time[-1:], [0.0]]).max()
-        now = int(latest // STRETCH_S)
+        now = int(latest // STRETCH_S) + last
         first: Contradiction | None = None
         for i, sensor in enumerate(self.model.sensors):
             if sensor.name not in self.model.predicted:

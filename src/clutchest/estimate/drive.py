@@ -287,7 +287,7 @@ class Drive:
         track = track_of(
             self.vehicle, self.compiled, line, filtered, rows, events, self.gained_before
         )
-        track = self.consistency.take(track)
+        track = self.consistency.take(track, stretch.last)
         if len(rows.time):
             self.gained_before, self.own = filtered.gained[-1], filtered.P[-1].diagonal()
         new, released_ns = stretch.signals, stretch.released_ns

@@ -30,7 +30,13 @@ from clutchest.vehicle import Vehicle
 LONGEST_S = 300.0  # s of a drive that are filtered for each explanation
 READINGS = 60_000  # or so many samples of its fastest signal
 SHORTEST_S = 10.0  # s of a drive on which explanations are tried first, if it does not fit them
-FACTORS = {1000.0: "1000", 60.0 / (2.0 * pi): "60/(2π)", 3.6: "3.6", 100.0: "100"}
+# by how much units of one quantity differ: of any, and of those with this canonical unit
+FACTORS = {1000.0: "1000", 100.0: "100"}
+OF_UNIT = {
+    "rad": {180.0 / pi: "180/π"},
+    "rad/s": {60.0 / (2.0 * pi): "60/(2π)", 180.0 / pi: "180/π"},
+    "m/s": {3.6: "3.6"},
+}
 CLIPPED = 5.0  # standard deviations; a larger innovation counts as these
 FITS = (
     1.6  # root mean square of innovations over their standard deviation, of a model that is right
@@ -202,7 +208,8 @@ def remedies(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
         if _is_temperature(signals[name]):
             continue
         yield Remedy(name, "sign", f"the sign of {name} is wrong", _times(signals[name], -1.0))
-        for factor, words in FACTORS.items():
+        factors = FACTORS | OF_UNIT.get(vehicle.machine.units[name], {})
+        for factor, words in factors.items():
             for times, what in ((1.0 / factor, "large"), (factor, "small")):
                 yield Remedy(
                     name,
@@ -252,7 +259,7 @@ def _fit(signals: Signals, vehicle: Vehicle, factor: float, signal: str) -> Mend
     if not np.isfinite(filtered.log_likelihood):
         return None
     judge = Consistency(compiled.model, vehicle.false_alarms_per_1000h)
-    judge.take(track)
+    judge.take(track, last=True)
     events = track.innovations
     counts = np.bincount(events.sensor, minlength=len(events.names))
     readings = {name: int(n) for name, n in zip(events.names, counts, strict=True)}

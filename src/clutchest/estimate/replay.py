@@ -222,7 +222,7 @@ def _whole(
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
     filtered = filter_of(engine)(compiled, timeline, start, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)
-    track = Consistency(compiled.model, vehicle.false_alarms_per_1000h).take(track)
+    track = Consistency(compiled.model, vehicle.false_alarms_per_1000h).take(track, last=True)
     over = smoothed(compiled, timeline, start, filtered, progress)
     track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))
     span = float(timeline.t[-1] - timeline.t[0])
