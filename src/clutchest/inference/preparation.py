@@ -289,7 +289,8 @@ def _readings(
 ) -> Readings:
     """Those that respond to any θ, by the ``derivatives`` (K, m) at the file's numbers."""
     line, model = drive.line, drive.compiled.model
-    std = np.sqrt(drive.gains.variance)
+    with np.errstate(invalid="ignore"):  # far from the data the filter runs away
+        std = np.sqrt(drive.gains.variance)
     responds = np.zeros(len(std), bool)
     for derivative, unit in zip(derivatives.T, units, strict=True):
         responds |= np.abs(derivative) * unit > LEAST * std
