@@ -76,8 +76,10 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
     return main_directions(np.column_stack(every))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # where the equations run away
 def main_directions(columns: Floats) -> Floats:
-    """Columns (K, c) turned into fewer, orthogonal ones, without directions that hardly show."""
+    """Columns (K, c) turned into fewer, orthogonal ones, without directions that hardly show.
+    Raises LinAlgError where they are beyond what numbers hold."""
     strength, turned = np.linalg.eigh(columns.T @ columns)
     return columns @ turned[:, strength > LEAST**2]
 
