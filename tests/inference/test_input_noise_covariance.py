@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 import clutchest
-from clutchest.inference.input_noise_covariance import InputNoiseCovariance, taken_in
+from clutchest.inference.input_noise_covariance import (
+    InputNoiseCovariance,
+    main_directions,
+    taken_in,
+)
 from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.models.regimes import Mode
@@ -109,3 +113,8 @@ def test_no_walk_changes_nothing():
     table = np.ones((5, 2))
     InputNoiseCovariance.of(np.zeros((5, 0))).whiten_in_place(table)
     np.testing.assert_array_equal(table, np.ones((5, 2)))
+
+
+@pytest.mark.parametrize("size", [1e200, np.inf])
+def test_responses_that_run_away_have_no_direction(size):
+    assert main_directions(np.full((5, 3), size)).shape == (5, 0)

@@ -76,11 +76,14 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
     return main_directions(np.column_stack(every))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # where the equations run away
+@np.errstate(over="ignore", invalid="ignore")
 def main_directions(columns: Floats) -> Floats:
-    """Columns (K, c) turned into fewer, orthogonal ones, without directions that hardly show.
-    Raises LinAlgError where they are beyond what numbers hold."""
-    strength, turned = np.linalg.eigh(columns.T @ columns)
+    """Columns (K, c) turned into fewer, orthogonal ones, without directions that hardly show; none
+    where the equations run away."""
+    square = columns.T @ columns
+    if not np.isfinite(square).all():
+        return columns[:, :0]
+    strength, turned = np.linalg.eigh(square)
     return columns @ turned[:, strength > LEAST**2]
 
 
