@@ -43,6 +43,7 @@ def _rates(model: Model, rate: ca.SX) -> ca.SX:
     return rate[[i for i, state in enumerate(model.states) if state.name not in model.followed]]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # where the equations run away
 def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> Floats:
     """What the noise does to the readings of a drive at these ``numbers``, in their standard
     deviations: columns (K, c), each to be taken a number of times that is normal, of variance 1."""
