@@ -176,6 +176,7 @@ def test_one_that_never_moved_may_be_on_another_bench():
     diagnosis = clutchest.diagnose(run("alsd_rig", "rig-steps", 20.0, Jammed(0.0)), "alsd_rig")
     (fault,) = diagnosis.faults
     assert fault.set == (STICKING, "contradiction:motor_angle")
+    assert "motor angle by 0 rad; or the motor's rotor is held" in fault.what
 
 
 @pytest.mark.slow

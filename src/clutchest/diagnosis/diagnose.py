@@ -26,7 +26,7 @@ from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.errors import ClutchestError
 from clutchest.estimate.replay import replay
-from clutchest.estimate.run import Run
+from clutchest.estimate.run import Contradiction, Run
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.reading import Logs
@@ -91,15 +91,20 @@ def _stream_fault(run: Run, drives: Drives, number: int, test: StreamTest, first
         (d.length, [a for t in d.streams.tests if t.name == test.name for a in t.alarms])
         for d in drives
     ]
+    other = _as_probable(run.tracks[number].contradiction, test, first)
     return Fault(
         fault=test.name,
-        set=(test.name, *_explained(test, drives[number]), *_never_held(run, number, first, test)),
+        set=(
+            test.name,
+            *_explained(test, drives[number]),
+            *(f"{CONTRADICTION}:{o.signal}" for o in other),
+        ),
         drive=number,
         began_s=first.begun,
         first_detected_s=first.detected,
         ended_s=first.ended,
         confidence=_confidence(test.per_1000h, drives[number].length),
-        what=first.what,
+        what="; or ".join([first.what, *(each.explanation for each in other)]),
         causes=(),
         freeze_frame=freeze_frame(run, number, first.detected),
         status_byte=status_byte(every_drive),
@@ -118,12 +123,13 @@ def _explained(test: StreamTest, drive: DriveDiagnosis) -> list[str]:
     ]
 
 
-def _never_held(run: Run, number: int, first: Alarm, test: StreamTest) -> list[str]:
-    """The contradiction that says as much of a drive in which the part never worked."""
-    found = run.tracks[number].contradiction
-    if found is None or not found.kind or first.begun or found.signal not in test.signals:
+def _as_probable(
+    found: Contradiction | None, test: StreamTest, first: Alarm
+) -> list[Contradiction]:
+    """The contradiction that says as much of a part which has not worked since the log began."""
+    if found is None or not found.kind or first.begun or test.subject in test.signals:
         return []
-    return [] if test.subject in test.signals else [f"{CONTRADICTION}:{found.signal}"]
+    return [found] if found.signal in test.signals else []
 
 
 # --- faults of the equations ----------------------------------------------------------------------
