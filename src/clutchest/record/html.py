@@ -28,6 +28,7 @@ th, td { border-bottom: 1px solid #d0d7de; padding: .25rem .7rem; text-align: le
 .short { white-space: nowrap; } th { background: #f3f5f7; } img { max-width: 100%; height: auto; }
 code, pre { font-family: ui-monospace, monospace; font-size: .9em; background: #f3f5f7; }
 pre { padding: .6rem; overflow-x: auto; } footer { color: #59636e; margin-top: 3rem; }
+@page { margin: 15mm; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-after: avoid; }
                img, tr { break-inside: avoid; } img { max-height: 21cm; }
                footer { margin-top: 1rem; break-before: avoid; } }
