@@ -66,6 +66,8 @@ _ADDED = (*_ENGINES_BALANCE, "slip_rate")
 # the engine speeds up is no cause of friction, but what follows from it.
 _FRICTION = (*_ADDED, "slip_power", "rest_time", "recent_slip", "engagements", "slip_angle")
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
+# What boost holds back comes later as the torque grows than as it falls.
+_REPORTS_CLOCKS = (*_CLOCKS, "engine_torque_rate")
 _SHAFTS_CLOCKS = ("input_shaft_speed", "time")  # its teeth are counted by its own revolution
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque": ErrorTerm(
@@ -161,7 +163,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         unit="%",
     ),
     "timing:engine_torque": ErrorTerm(
-        "timing:engine_torque", late=("engine_torque", 0.02), covariates=_CLOCKS
+        "timing:engine_torque", late=("engine_torque", 0.02), covariates=_REPORTS_CLOCKS
     ),
     "timing:slave_position": ErrorTerm(
         "timing:slave_position", late=("slave_position", 0.02), covariates=_CLOCKS
