@@ -49,13 +49,17 @@ def covariance(information: Floats, negligible: Floats, std: float = 1.0) -> Flo
     return np.asarray((directions * (informed / (std**-2.0 + strength))) @ directions.T)
 
 
-def freedom(coefficients: Floats, information: Floats, negligible: Floats) -> float:
-    """What these ``coefficients`` (c) take off a curve's evidence, in 2 ln of the Bayes factor, as
-    their size may be any of SCALES, and as others would explain as much."""
+def freedom(coefficients: Floats, information: Floats, negligible: Floats, std: float) -> float:
+    """What these ``coefficients`` (c), the most probable ones under a prior of standard deviation
+    ``std``, take off a curve's evidence, in 2 ln of the Bayes factor: their size may be any of
+    SCALES, where others are the most probable ones, and others would explain as much."""
     strength, directions = np.linalg.eigh(information)
     informed = _informed(strength, directions, negligible)
-    along, variance = (coefficients @ directions)[informed], SCALES[:, None] ** 2
-    each = np.sum(along**2 / variance + np.log1p(variance * strength[informed]), axis=1)
+    along, strength = (coefficients @ directions)[informed], strength[informed]
+    shrunk = 1.0 + std**2 * strength  # by the prior, from what the data alone would have
+    by_data = (along * shrunk / std**2) ** 2 / strength
+    by_scale = 1.0 + SCALES[:, None] ** 2 * strength
+    each = np.sum(by_data * (1.0 / by_scale - shrunk**-2.0) + np.log(by_scale), axis=1)
     return float(-2.0 * (logsumexp(-each / 2.0) - np.log(len(SCALES))))
 
 

@@ -38,8 +38,9 @@ from clutchest.models.effects.effect import TIME
 from clutchest.signals import Floats
 
 LARGE = 50.0  # of a curve's worth: from here on, the first order is not exact
-AS_LIKELY = 0.25  # of the leading evidence: terms that have less, also in full, are left at that
-LEADERS, DRIVERS, FINEST = 4, 9, 3  # curves that are fitted: of all, more of a term, finely
+AS_LIKELY = 0.25  # of the leading evidence: terms that have less in full are left at that
+LEADERS, DRIVERS = 4, 9  # curves that are fitted: of all, more of a term
+FINEST = 3  # of an equation: more finely
 FINE = 12  # knots of a curve that bends more closely
 WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most
@@ -158,12 +159,13 @@ class _Fits:
         of, negligible = self._projected(at, by), NEGLIGIBLE * (by.T @ by)
         spread = covariance(of.information, negligible, WIDEST)
         explained = objective.judged(self.null).cost - at.lin.cost
+        free = freedom(at.coefficients, of.information, negligible, WIDEST)
         known = replace(
             curve,
             coefficients=at.coefficients,
             off=principal_deviations(spread),
             worth=explained - 2.0 * float(np.trace(spread @ of.information)),
-            evidence=(evidence := explained - freedom(at.coefficients, of.information, negligible)),
+            evidence=(evidence := explained - free),
             # noise has a Bayes factor of B once in B times at most
             p_value=min(curve.p_value, float(np.exp(-max(evidence, 0.0) / 2.0))),
         )
@@ -235,23 +237,27 @@ def comes_and_goes(curve: Curve | CandidateCurve, brief: Container[str]) -> bool
     )
 
 
-def located(search: Search, errors: Sequence[Curve]) -> Located:
-    """The ``errors`` of a search's model without a cause; where they are large, the leading ones as
-    fitted in full before all others, and others beside the first are sought where that is."""
+def located(search: Search, errors: Sequence[Curve], explained: float = 0.0) -> Located:
+    """The ``errors`` of a search's model without a cause; where they are large, or causes have
+    ``explained`` much, 2 Δ ln L, the leading ones as fitted in full before all others, and others
+    beside the first are sought where that is."""
     theta, shapes = search.null.fit.theta, search.null.fit.shapes
     # no equation lets an error come and go within seconds for the sake of being fitted: over time,
     # or after each beginning, it stands for any part that is slow or late
     brief = search.problem.compiled.machine.durations
     steady = [curve for curve in errors if curve.covariate not in brief]
     some = [curve for curve in steady if not comes_and_goes(curve, brief)]
-    if not some or max(curve.worth for curve in some) < LARGE:
+    if not some or max(explained, *(curve.worth for curve in some)) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes))
     starts = _Fits.of(search)
+    # what explains most to first order may not do so in full, nor the right error anything
     least = AS_LIKELY * some[0].evidence
     firsts = {curve.error_term: curve for curve in reversed(some)}.values()
-    first = [*some[:LEADERS], *(c for c in firsts if c.evidence > least)]
-    done = {key: _best(starts, curve) for key, curve in {_key(c): c for c in first}.items()}
-    # what explains most to first order may not do so in full
+    first = {_key(c): c for c in (*some[:LEADERS], *firsts)}
+    done = {
+        key: _best(starts if curve.evidence > least else starts[:1], curve)
+        for key, curve in first.items()
+    }
     of_terms = {each.curve.error_term: each for each in sorted(done.values(), key=_evidence)}
     likely = AS_LIKELY * max(map(_evidence, of_terms.values()))
     for term, leader in of_terms.items():
@@ -260,11 +266,11 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
             done |= {_key(curve): leader.by.from_none(curve) for curve in more}
     leading = sorted(done.values(), key=_evidence, reverse=True)
     # where data are precise, five straight pieces of the true curve are none
-    least = AS_LIKELY * leading[0].curve.evidence
-    of_terms = {e.curve.error_term: e for e in reversed(leading) if e.curve.evidence > least}
-    finest = {_key(e.curve): e for e in (*leading[:FINEST], *of_terms.values())}
-    coarse = [e for e in finest.values() if len(e.curve.at) < FINE]
-    finer = [each.by.finer(each) for each in coarse if each.curve.covariate != TIME]
+    finer = [
+        each.by.finer(each)
+        for each in _finest(leading)
+        if len(each.curve.at) < FINE and each.curve.covariate != TIME
+    ]
     leading = sorted([*leading, *finer], key=_evidence, reverse=True)
     last = leading[-1].curve.evidence
     others = [
@@ -284,6 +290,17 @@ def located(search: Search, errors: Sequence[Curve]) -> Located:
 def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:
     """A curve, fitted from none on, from where it becomes the likeliest."""
     return max((fits.from_none(curve) for fits in starts), key=_evidence)
+
+
+def _finest(leading: Sequence[_Fitted]) -> list[_Fitted]:
+    """Of curves in the order of their evidence the first few of each equation that is likely."""
+    likely = [e for e in leading if _evidence(e) > AS_LIKELY * _evidence(leading[0])]
+    equations = dict.fromkeys(each.curve.equation for each in likely)
+    return [
+        each
+        for equation in equations
+        for each in [e for e in likely if e.curve.equation == equation][:FINEST]
+    ]
 
 
 def _evidence(known: _Fitted) -> float:
