@@ -120,6 +120,7 @@ def near(name: str) -> Record:
     outsider = kind(float(random.choice(SHARES)) * kind.largest, float(random.uniform()))
     found = discover(drive.signals(outsider=outsider), drive.vehicle)
     where = found.where
+    likely = (where, *where.instead) if where else ()
     return {
         "scenario": drive.scenario,
         "noise": drive.noise,
@@ -132,8 +133,8 @@ def near(name: str) -> Record:
         "equation": where and where.equation,
         "drivers": where and where.covariates[:4],
         "errors": where.errors if where else [],
-        "tied": where.tied if where else (),
-        "instead": [*(where.instead if where else ()), *equations_tied(found)],
+        "tied": [name for each in likely for name in each.likeliest],
+        "instead": [*(each.equation for each in likely[1:]), *equations_tied(found)],
         "expected": [kind.equations(), kind.drivers],
     }
 

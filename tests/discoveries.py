@@ -8,16 +8,8 @@ import numpy as np
 
 from clutchest.discovery.goodness_of_fit import DistortionTest, GoodnessOfFit
 from clutchest.discovery.residuals import Bins, Level, Misfit
-from clutchest.discovery.result import (
-    Cause,
-    Discovery,
-    Experiment,
-    Gain,
-    Identifiable,
-    Rival,
-    Size,
-    Where,
-)
+from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable, Rival, Size
+from clutchest.discovery.where import Where
 from clutchest.models.error_curve import ErrorCurve
 from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle, load_vehicle

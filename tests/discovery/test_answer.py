@@ -9,7 +9,8 @@ import numpy as np
 from clutchest.discovery.answer import where_of
 from clutchest.discovery.experiment_design import sensor_for
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Cause, Form, FormCurve, places_words
+from clutchest.discovery.result import Cause, Form, FormCurve
+from clutchest.discovery.where import places_words
 from clutchest.models import machine_of
 
 
@@ -53,8 +54,15 @@ def test_an_error_that_may_be_in_either_of_two_equations_is_said_to_be():
     ]
     where = where_of("unknown", (), errors, (), ["sensor:slave_position"], {})
     assert where is not None and where.errors[0]["instead"] == ["sensor:slave_position"]
+    assert where.errors[0]["instead_drivers"] == {"sensor:slave_position": ["engine_speed"]}
+    cause = refuted("friction_slip", "torque", "slip_speed", 1e-5)
+    named = where_of("named", (cause,), errors, (), ["sensor:slave_position"], {})
+    assert named is not None and named.instead == where.instead
+    assert named.summary()["instead_drivers"] == where.errors[0]["instead_drivers"]
     words = places_words(where)
-    assert words.startswith("the equation torque or in the readings of slave_position")
+    assert words.startswith("the equation torque that correlates with ")
+    instead = "the readings of slave_position that correlates with engine speed"
+    assert words.endswith(f" or in {instead} (the data do not say in which)")
     assert sensor_for("torque", "disc_heat", machine_of("dry_clutch")).words.startswith(
         "a temperature sensor near the disc would tell"
     )

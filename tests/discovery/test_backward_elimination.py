@@ -120,7 +120,7 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
     monkeypatch.setattr(
-        verdict, "located", lambda _, errors: SimpleNamespace(errors=errors, fitted=True)
+        verdict, "located", lambda _, errors, by: SimpleNamespace(errors=errors, fitted=True)
     )
     monkeypatch.setattr(
         verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
@@ -141,6 +141,19 @@ def test_a_refuted_cause_is_elsewhere_where_another_curve_explains_clearly_more(
         SimpleNamespace(worth=70.0, equation="torque", covariate="slip_speed"),
     ]
     assert verdict._elsewhere(best, forms, curves) == elsewhere
+
+
+def test_an_error_elsewhere_that_explains_as_much_as_a_free_form_is_as_likely():
+    cause = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
+    best = a_set([cause], 60.0)
+    search = SimpleNamespace(null=SimpleNamespace(cost=100.0))
+    tested = SimpleNamespace(drivers=("slip_speed",), worth=30.0)
+    curves = [
+        SimpleNamespace(worth=worth, equation=equation, covariate="engine_speed")
+        for equation, worth in (("sensor", 68.0), ("torque", 50.0), ("sensor", 20.0))
+    ]
+    more = verdict._more_than_form(search, best, "a", tested, curves)
+    assert more == {"sensor": -2.0, "torque": -20.0}
 
 
 @pytest.mark.parametrize(("causes", "least"), [(1, 110.0), (2, 100.0), (3, 90.0)])

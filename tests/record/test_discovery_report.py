@@ -15,7 +15,8 @@ from rerun.components import AggregationPolicy
 from rich.console import Console
 
 from clutchest.discovery.misfit_picture import most_significant, pieces, worst_stretch
-from clutchest.discovery.result import Experiment, Identifiable, Where, either
+from clutchest.discovery.result import Experiment, Identifiable, either
+from clutchest.discovery.where import Where
 from clutchest.models import machine_of
 from clutchest.record.discovery import write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording

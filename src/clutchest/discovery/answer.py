@@ -11,9 +11,10 @@ from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.effect_drivers import drivers_of
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import UNTESTED, Cause, Rival, Size, Where
+from clutchest.discovery.result import UNTESTED, Cause, Rival, Size
 from clutchest.discovery.several_errors import TIED
 from clutchest.discovery.verdict import SearchVerdict
+from clutchest.discovery.where import Where
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
 
@@ -105,23 +106,24 @@ def where_of(
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
     state stands for its ``peaks`` as well; ``others``: curves of other equations with errors;
-    ``instead``: equations in which the first may be as well.
+    ``instead``: equations in which the first may be as well, over what it is likeliest to there.
     Where forms are refuted, that which is most surely is the error, over its driver first; else the
     first cause is, over what its effect reads first."""
     if verdict == "none":
         return None
+    as_likely = tuple(_where(equation, errors, peaks) for equation in instead)
     if verdict == "unknown":
         first, *also = (_most_significant(each, peaks) for each in (errors, *others))
-        return replace(first, others=tuple(also), instead=tuple(instead))
+        return replace(first, others=tuple(also), instead=as_likely)
     curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
     of, own = causes[0], list(causes[0].drivers)
     if curves:
         of = min((c for c in causes if c.effect in curves), key=lambda c: c.form.p_value or 0.0)
         own = [curves[of.effect].covariate]
-    where = _where(of.equation, errors, peaks)
+    where = replace(_where(of.equation, errors, peaks), instead=as_likely)
     if not own:
         return where
-    return Where(of.equation, tuple(dict.fromkeys([*own, *where.covariates])))
+    return Where(of.equation, tuple(dict.fromkeys([*own, *where.covariates])), instead=as_likely)
 
 
 def strongest_of(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where | None:

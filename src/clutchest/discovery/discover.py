@@ -34,14 +34,7 @@ from clutchest.discovery.identifiable import identifiability, not_testable, unte
 from clutchest.discovery.misfit import misfit
 from clutchest.discovery.own_noise import loud, with_noise_of_likeliest
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import (
-    Cause,
-    Discovery,
-    Experiment,
-    Gain,
-    Identifiable,
-    Where,
-)
+from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
@@ -55,6 +48,7 @@ from clutchest.discovery.speed_agreement import Disagreement, disagreement
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
+from clutchest.discovery.where import Where
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
@@ -235,7 +229,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         where=where,
         identifiability=identifiable,
         gain=outcome.gain,
-        experiment=_experiment(task, verdict, outcome),
+        experiment=_experiment(task, verdict, outcome, where),
         misfit=misfit(search.objective, before, after),
         fit=fit,
         fit_extended=fit_extended,
@@ -370,15 +364,16 @@ def _other(task: _Task) -> HeldOut | None:
     return cache(lambda: settled_off_ends(task.problem(drives))[0].problem)
 
 
-def _experiment(task: _Task, verdict: SearchVerdict, outcome: _Outcome) -> Experiment | None:
+def _experiment(
+    task: _Task, verdict: SearchVerdict, outcome: _Outcome, where: Where | None
+) -> Experiment | None:
     """What would separate the causes, where they are ambiguous, or equations in one of which the
     error is."""
-    if outcome.name == "unknown" and verdict.instead:
-        machine = task.vehicle.machine
-        return sensor_for(outcome.errors[0].equation, verdict.instead[0], machine)
-    if outcome.name != "ambiguous":
+    if outcome.name == "ambiguous":
+        return experiment_for(verdict, task.vehicle, task.progress)
+    if where is None or not where.instead:
         return None
-    return experiment_for(verdict, task.vehicle, task.progress)
+    return sensor_for(where.equation, where.instead[0].equation, task.vehicle.machine)
 
 
 def _provenance(task: _Task, problem: Problem) -> dict[str, str]:

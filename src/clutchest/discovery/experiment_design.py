@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.result import Experiment, place_words
+from clutchest.discovery.result import Experiment
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.verdict import SearchVerdict
+from clutchest.discovery.where import place_words
 from clutchest.errors import ClutchestError
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.inference.cores import shared

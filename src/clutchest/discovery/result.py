@@ -10,6 +10,7 @@ import numpy as np
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residuals import Misfit
+from clutchest.discovery.where import Where
 from clutchest.shown import Shown, Tabulated, plus_minus
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
@@ -124,39 +125,6 @@ class Hypothesis:
     nearest: str | None
     d_prime_nearest: float | None
     why_not: str
-
-
-@dataclass(frozen=True, slots=True)
-class Where:
-    """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
-    correlates with the highest value so far of the first; ``distorted``: the residuals of
-    that sensor are not noise, and in which equation the error is they do not say; ``p_value`` of an
-    error without a name, family-wise.  ``others``: equations that have an error of their own beside
-    it; ``instead``: equations in which it may be as well, as the data do not say which; ``tied``:
-    covariates that it may correlate with instead of the first, likewise."""
-
-    equation: str
-    covariates: tuple[str, ...]
-    peak: bool = False
-    distorted: bool = False
-    p_value: float | None = None
-    others: tuple[Where, ...] = ()
-    instead: tuple[str, ...] = ()
-    tied: tuple[str, ...] = ()
-
-    def summary(self) -> dict[str, Any]:
-        """As ``discovery.json`` has it."""
-        return {"equation": self.equation, "drivers": list(self.covariates)}
-
-    @property
-    def errors(self) -> list[dict[str, Any]]:
-        """Every established error without a name, as ``discovery.json`` has it."""
-        each = (self, *self.others)
-        return [
-            {**w.summary(), "tied": list(w.tied), "instead": list(w.instead), "p_value": w.p_value}
-            for w in each
-            if w.p_value is not None
-        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,22 +333,6 @@ def _of_cause(cause: Cause) -> dict[str, Any]:
 
 def _without_name(i: Identifiable) -> dict[str, Any]:
     return {key: value for key, value in asdict(i).items() if key != "effect"}
-
-
-_PLACE = {"sensor": "the readings of", "timing": "the time stamps of"}
-
-
-def place_words(equation: str) -> str:
-    """Where an error is, in words, by the name of its equation or of its error term: "the equation
-    torque", "the readings of engine_torque"."""
-    kind, colon, signal = equation.partition(",")[0].partition(":")
-    return f"{_PLACE.get(kind, kind)} {signal}" if colon else f"the equation {kind}"
-
-
-def places_words(where: Where) -> str:
-    """Where an error is, or in one of which it is, in words."""
-    *others, last = (place_words(each) for each in (where.equation, *where.instead))
-    return f"{', in '.join(others)} or in {last} (the data do not say in which)" if others else last
 
 
 def either(sets: Sequence[Sequence[str]]) -> str:

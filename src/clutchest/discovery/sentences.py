@@ -10,7 +10,8 @@ import numpy as np
 from clutchest.discovery.answer import Sizes, sizes_by_effect, sizes_of
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
-from clutchest.discovery.result import Cause, FormCurve, Where, either, place_words, places_words
+from clutchest.discovery.result import Cause, FormCurve, either
+from clutchest.discovery.where import Where, place_and_driver, place_words, places_words
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
 from clutchest.shown import plus_minus
@@ -46,7 +47,7 @@ def sentence(
                 "No error of the equations is established, but the residuals are not noise: "
                 f"{fit.tests[0].words}."
             )
-        errors = [f"an error in {places_words(w)}{_correlation(w)}" for w in (where, *where.others)]
+        errors = [f"an error in {places_words(w)}" for w in (where, *where.others)]
         explains = f"no known cause explains {'these' if where.others else 'it'}"
         return f"There is {', and '.join(errors)}; {explains}."
     sizes = sizes_of(causes)
@@ -54,16 +55,10 @@ def sentence(
     which = "; they do not separate these" if verdict == "ambiguous" else ""
     effects = {c.name: c.effect for h in sets for c in h.causes}
     forms = [refuted(c, effects[c.effect]) for c in causes if c.form.refuted]
+    if where is not None and where.instead:
+        each = " or in ".join(place_and_driver(w) for w in where.instead)
+        forms.append(f"An error without a name explains as much: one in {each}.")
     return " ".join([f"The data require {required}{which}.", *forms])
-
-
-def _correlation(where: Where) -> str:
-    """What an error correlates with, in words."""
-    if not where.covariates:
-        return ""
-    first, *others = (Quantity(name, "1").words for name in (where.covariates[0], *where.tied))
-    words = f" that correlates with {f'the highest {first} so far' if where.peak else first}"
-    return f"{words} (or, as likely, with {' or '.join(others)})" if others else words
 
 
 def refuted(cause: Cause, effect: Effect) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.special import ndtr
 
-from clutchest.discovery.result import Where
+from clutchest.discovery.where import Where
 from clutchest.inference.covariates import hats
 from clutchest.shown import plus_minus
 from clutchest.signals import Floats, Signal, Signals

@@ -24,7 +24,7 @@ from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
 from clutchest.discovery.refitted_curves import Located, located
 from clutchest.discovery.residual_curves import Curve, Nuisances, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
-from clutchest.discovery.several_errors import Errors, several_errors
+from clutchest.discovery.several_errors import TIED, Errors, several_errors
 from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.map_fit import improve
 from clutchest.inference.problem import Problem
@@ -167,19 +167,23 @@ def _unnamed_errors(
         unnamed = unnamed or _better_as_curve(explained, count, errors)
     place = None
     if not unnamed and (count > 1 or refuted):
-        place = located(search, errors)  # what explains most to first order may not do so in full
+        # what explains most to first order may not do so in full
+        place = located(search, errors, explained)
         errors = place.errors
         unnamed = count > 1 and _better_as_curve(explained, count, errors)
-    unnamed = unnamed or any(
-        not _of_right_family(search, best, effect, forms[effect], errors) for effect in refuted
-    )
+    more = {e: _more_than_form(search, best, e, forms[e], errors) for e in refuted}
+    unnamed = unnamed or any(max(each.values()) > CLOSE for each in more.values())
     several, fitted = Errors([], []), place is not None and place.fitted
+    if count == 1 and refuted:  # of several, each may make up for the form of others
+        own = {c.effect.equation for c in best.causes}
+        as_likely = {q: by for each in more.values() for q, by in each.items() if by > -TIED}
+        several = Errors([], [q for q in as_likely if q not in own])
     if count == 1 and refuted and not unnamed and not fitted:
         beside = _in_noise_beside_curves(search, errors)
         if beside is not None and _elsewhere(best, forms, beside.errors):
             unnamed, place = True, beside
     elif unnamed and not fitted:
-        place = located(search, _beside_less_discrepancies(search) or errors)
+        place = located(search, _beside_less_discrepancies(search) or errors, explained)
         if not place.fitted:  # errors may pass for noise
             place = _in_noise_beside_curves(search, errors) or place
     if unnamed:
@@ -238,12 +242,13 @@ def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm]) ->
     return not _significant(_residual_errors(search, best, beside_forms(search, best, forms)))
 
 
-def _of_right_family(
+def _more_than_form(
     search: Search, best: CauseSet, effect: str, tested: TestedForm, errors: Sequence[Curve]
-) -> bool:
-    """Whether a cause whose form is refuted is still in the right equation and over the right
-    driver: without it, no curve over anything else explains clearly more than curves over its
-    drivers do, or the effect with its form free; ``errors`` of the model without a cause."""
+) -> dict[str, float]:
+    """How much more, 2 Δ ln L, the likeliest curve of each equation explains without a cause whose
+    form is refuted than curves over its drivers do, or the effect with its form free: clearly more
+    where it is in the wrong equation or over the wrong driver; ``errors`` of the model without a
+    cause."""
     others = tuple(c for c in best.causes if c.name != effect)
     without = search.null
     if others:
@@ -252,7 +257,10 @@ def _of_right_family(
     equation = next(c.effect.equation for c in best.causes if c.name == effect)
     own = [e.worth for e in errors if e.equation == equation and e.covariate in tested.drivers]
     explained = max([without.cost - best.cost + tested.worth, *own])
-    return all(e.worth <= explained + CLOSE for e in errors)
+    most: dict[str, float] = {equation: 0.0}
+    for e in errors:
+        most[e.equation] = max(most.get(e.equation, 0.0), e.worth)
+    return {each: worth - explained for each, worth in most.items()}
 
 
 def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[str, float]]:

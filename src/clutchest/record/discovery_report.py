@@ -8,16 +8,8 @@ from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log, sqrt
 
 from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, GoodnessOfFit
-from clutchest.discovery.result import (
-    Cause,
-    Discovery,
-    Form,
-    Gain,
-    Size,
-    either,
-    place_words,
-    places_words,
-)
+from clutchest.discovery.result import Cause, Discovery, Form, Gain, Size, either
+from clutchest.discovery.where import place_words, places_words
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
@@ -49,15 +41,16 @@ def whereabouts(discovery: Discovery) -> str | None:
     where = discovery.where
     if where is None or where.distorted:
         return None
-    place = places_words(where)
+    others = [place_words(other.equation) for other in where.others]
+    beside = f"  Beside it there is an error in {' and in '.join(others)}." if others else ""
+    if where.instead:
+        return f"There is an error in {places_words(where)}.{beside}"
     words = [Quantity(name, "1").words for name in where.covariates[:3]]
     if where.peak:
         words[0] = f"the highest {words[0]} so far"
     covariates = ", then with ".join(words)
     more = f" and correlates with {covariates}." if covariates else "."
-    others = [place_words(other.equation) for other in where.others]
-    beside = f"  Beside it there is an error in {' and in '.join(others)}." if others else ""
-    return f"The error is in {place}{more}{beside}"
+    return f"The error is in {place_words(where.equation)}{more}{beside}"
 
 
 def strongest_words(discovery: Discovery) -> str | None:

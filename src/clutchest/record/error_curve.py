@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.discovery.result import Discovery, place_words
+from clutchest.discovery.result import Discovery
+from clutchest.discovery.where import place_words
 from clutchest.models.error_curve import ErrorCurve
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.quantities import quantity_of

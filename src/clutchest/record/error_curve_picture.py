@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from clutchest.discovery.result import Discovery, place_words
+from clutchest.discovery.result import Discovery
+from clutchest.discovery.where import place_words
 from clutchest.models.quantities import quantity_of
 from clutchest.pictures import Picture
 from clutchest.record.error_curve import in_units

@@ -5,7 +5,8 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from clutchest.discovery.result import Cause, Discovery, FormCurve, place_words
+from clutchest.discovery.result import Cause, Discovery, FormCurve
+from clutchest.discovery.where import place_words
 from clutchest.models.quantities import quantity_of
 from clutchest.pictures import Picture
 
