@@ -18,7 +18,7 @@ from clutchest.discovery.refitted_curves import located
 from clutchest.discovery.residual_curves import Nuisances, curves
 from clutchest.discovery.search import begin
 from clutchest.discovery.segmentation import segmented
-from clutchest.discovery.several_errors import several_errors
+from clutchest.discovery.several_errors import TIED, several_errors
 from clutchest.discovery.verdict import UNNAMED
 from clutchest.inference.covariates import covariates
 from clutchest.inference.objective import Objective
@@ -171,7 +171,7 @@ SECOND = ("bedding_in-112", "creeping_hose-302")
         ("glazed_patch-384", "torque", "slip_angle"),
         ("glazed_patch-413", "torque", "slip_angle"),
         ("glazed_patch-442", "torque", "slip_angle"),
-        ("turbo_lag-361", "timing:engine_torque", "engine_torque_rate"),
+        ("turbo_lag-361", "sensor:engine_torque", "engine_torque_rate"),
         ("turbo_lag-460", "timing:engine_torque", "engine_torque_rate"),
         ("creeping_hose-496", "sensor:slave_position", "slave_position"),
         ("helical_thrust-473", "sensor:slave_position", "engine_torque"),
@@ -204,7 +204,8 @@ def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariat
         place = located(search, curves(search.objective, fit, beside, seed=3))
     errors = place.errors
     assert errors[0].equation == equation
-    own = list(dict.fromkeys(curve.covariate for curve in errors if curve.equation == equation))
-    assert covariate in own[:2]
-    assert own[0] == covariate or case in SECOND
+    own = [curve for curve in errors if curve.equation == equation]
+    names = list(dict.fromkeys(curve.covariate for curve in own))
+    tied = {curve.covariate for curve in own if curve.evidence >= own[0].evidence - TIED}
+    assert covariate in tied or (case in SECOND and covariate in names[:2])
     assert several_errors(place, search.free(()), UNNAMED).found[0][0].equation == equation
