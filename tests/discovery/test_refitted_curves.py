@@ -151,7 +151,7 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
 
 
 # after the body's temperature, by 2.7 in 2 ln of the Bayes factor, and the position
-SECOND = ("bedding_in-112", "creeping_hose-302")
+SECOND = ("bedding_in-112", "creeping_hose-302", "helical_thrust-473")
 
 
 @pytest.mark.slow
