@@ -292,7 +292,7 @@ def test_an_angle_in_degrees_is_named(rig_drive):
     assert "motor_angle is 180/π times too large" in found["explanation"]
 
 
-def test_the_stretch_with_which_a_drive_ends_is_judged_too(truck, healthy):
+def test_the_stretch_with_which_a_short_drive_ends_is_judged_too(truck, healthy):
     """A log of 20 s has but one that is whole (development)."""
     wrong = track(healthy, 19.9, z=30.0 * truck.sensors[0].tolerance)
     begun, over = judge(truck), judge(truck)

@@ -20,6 +20,7 @@ from clutchest.models.model import Model
 from clutchest.signals import Floats
 
 STRETCH_S = 10.0  # s of innovations that are judged together
+SHORT_S = 30.0  # s; of a shorter drive too few stretches are whole
 LEAST = 5  # readings of a sensor in a stretch that is judged
 MEDIAN = 0.6745  # of |z|, standard normal
 # Times a sensor's tolerance → share of the stretches that may exceed it in a right model.  With any
@@ -61,10 +62,10 @@ class Consistency:
 
     def _misfit(self, track: Track, last: bool) -> Contradiction | None:
         """Innovations: the median of each stretch against the sensor's tolerance; a stretch ends
-        with the drive, too."""
+        with a short drive, too."""
         events = track.innovations
         latest = np.concatenate([events.time[-1:], track.time[-1:], [0.0]]).max()
-        now = int(latest // STRETCH_S) + last
+        now = int(latest // STRETCH_S) + (last and latest < SHORT_S)
         first: Contradiction | None = None
         for i, sensor in enumerate(self.model.sensors):
             if sensor.name not in self.model.predicted:
