@@ -127,7 +127,7 @@ def _as_probable(
     found: Contradiction | None, test: StreamTest, first: Alarm
 ) -> list[Contradiction]:
     """The contradiction that says as much of a part which has not worked since the log began."""
-    if found is None or not found.kind or first.begun or test.subject in test.signals:
+    if found is None or not found.kind or first.begun or not test.of_part:
         return []
     return [found] if found.signal in test.signals else []
 

@@ -93,7 +93,7 @@ def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
 def _signals_of(test: StreamTest, vehicle: Vehicle) -> Sequence[str]:
     """The signals that are of no use to the equations while ``test`` fails."""
     if not test.of_message:
-        return test.signals if test.subject not in vehicle.signals else [test.subject]
+        return test.signals if test.of_part else [test.subject]
     return [name for name, s in vehicle.signals.items() if s.bus.message == test.subject]
 
 

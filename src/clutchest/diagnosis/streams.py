@@ -60,9 +60,7 @@ class StreamTests:
     def explain(self, found: Contradiction) -> bool:
         """Whether a failed test says more of signals and model that contradict each other: any, if
         nothing else explains it, or that of a part which does not do what ``found.signal`` says."""
-        parts = (
-            t for t in self.tests if t.alarms and not t.harmless and t.subject not in t.signals
-        )
+        parts = (t for t in self.tests if t.alarms and not t.harmless and t.of_part)
         return (not found.kind and self.failed) or any(found.signal in t.signals for t in parts)
 
     def masked(self, test: StreamTest, alarm: Alarm) -> list[StreamTest]:

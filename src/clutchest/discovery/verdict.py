@@ -171,7 +171,8 @@ def _unnamed_errors(
         place = located(search, errors, explained)
         errors = place.errors
         unnamed = count > 1 and _better_as_curve(explained, count, errors)
-    more = {e: _more_than_form(search, best, e, forms[e], errors) for e in refuted}
+    tried = () if unnamed else refuted
+    more = {e: _more_than_form(search, best, e, forms[e], errors) for e in tried}
     unnamed = unnamed or any(max(each.values()) > CLOSE for each in more.values())
     several, fitted = Errors([], []), place is not None and place.fitted
     if count == 1 and refuted:  # of several, each may make up for the form of others

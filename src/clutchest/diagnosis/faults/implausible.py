@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from math import inf
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
 from clutchest.diagnosis.faults.messages import TEMPERATURE
@@ -18,6 +18,16 @@ from clutchest.vehicle import Vehicle
 CONSECUTIVE = 3  # samples; a single one is an outlier
 _NOISE = np.linspace(-10.0, 10.0, 401)  # of the sample before, in standard deviations
 _DENSITY = np.exp(-(_NOISE**2) / 2.0) / np.sqrt(2.0 * np.pi) * (_NOISE[1] - _NOISE[0])
+
+
+@cache
+def _leaps() -> tuple[Floats, Floats]:
+    """Differences of so many samples from one, all up or all down, in standard deviations of the
+    noise, and −ln of the chance that they are beyond; by a table, as what solves for it loads for
+    longer than a diagnosis takes to begin."""
+    most = np.linspace(0.0, 2.0 * _NOISE[-1], 401)
+    each = ndtr(_NOISE - most[:, None]) ** CONSECUTIVE
+    return most, -np.log(2.0 * (each @ _DENSITY))
 
 
 class Implausible(StreamTest):
@@ -88,12 +98,8 @@ class Implausible(StreamTest):
     @property
     def leap(self) -> float:
         """What it adds to the differences of so many samples from one and the same sample."""
-
-        def excess(most: float) -> float:
-            each = ndtr(_NOISE - most) ** CONSECUTIVE
-            return float(2.0 * (_DENSITY * each).sum() - self._chance)  # up or down
-
-        return self.noise * float(brentq(excess, 0.0, 2.0 * _NOISE[-1]))
+        most, chance = _leaps()
+        return self.noise * float(np.interp(-np.log(self._chance), chance, most))
 
     @property
     def _chance(self) -> float:

@@ -96,6 +96,11 @@ class StreamTest(ABC):
         return f"{self.kind}:{self.subject}"
 
     @property
+    def of_part(self) -> bool:
+        """Whether the subject is a part, of which the ``signals`` tell: no signal, no message."""
+        return bool(self.signals) and self.subject not in self.signals
+
+    @property
     def failing(self) -> bool:
         """Whether it fails now."""
         return bool(self.alarms) and self.alarms[-1].ended is None

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from clutchest.models.effects import Effect, Gains, Number
+from clutchest.models.effects.hours import HOURS, hours_rate
 from clutchest.models.fault import ModelFault
-from clutchest.models.symbols import State
 
 
 class AngleDrift(Effect):
@@ -21,15 +21,13 @@ class AngleDrift(Effect):
     model = "alsd"
     equation = "sensor:motor_angle"
     parameters = (Number("rate", "rad/h", -60.0, 60.0),)
-    states = (
-        State("hours", "h", "t", "time since the drive's start", 0.0, 0.0, 1.0, carried=False),
-    )
+    states = (HOURS,)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
         return {
             "motor_angle_reading": lambda value, q: value + g.rate * q.hours,
-            "hours_rate": lambda rate, q: rate + 1.0 / 3600.0,
+            "hours_rate": hours_rate,
         }
 
 

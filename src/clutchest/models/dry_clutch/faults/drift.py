@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from clutchest.models.effects import Effect, Gains, Number
+from clutchest.models.effects.hours import HOURS, hours_rate
 from clutchest.models.fault import ModelFault
-from clutchest.models.symbols import State
 
 
 class PositionDrift(Effect):
@@ -21,16 +21,14 @@ class PositionDrift(Effect):
     model = "dry_clutch"
     equation = "sensor:slave_position"
     parameters = (Number("rate", "mm/h", -2.0, 2.0),)
-    states = (
-        State("hours", "h", "t", "time since the drive's start", 0.0, 0.0, 1.0, carried=False),
-    )
+    states = (HOURS,)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
         return {
             "slave_position": lambda reading, q: reading - g.rate * q.hours,
             "zero_position_reading": lambda x0, q: x0 + g.rate * q.hours,
-            "hours_rate": lambda rate, q: rate + 1.0 / 3600.0,
+            "hours_rate": hours_rate,
         }
 
 
