@@ -301,3 +301,13 @@ def test_false_findings_are_as_rare_as_discovery_promises():
         findings += bool(reference.p_family_wise(reference.p_alone(z).min()) <= LEVEL)
     assert binomtest(findings, logs, 0.01, "greater").pvalue > 1e-3
     assert binomtest(findings, logs, 0.004, "less").pvalue > 1e-3  # nor does it hardly ever look
+
+
+def test_what_a_nuisance_of_another_spread_may_be_off_by_counts_in_the_null():
+    """Scores scatter as their information says, whatever the nuisance's precision."""
+    regression = Regression.of(2000, seed=4)
+    fit = regression.at(np.random.default_rng(1).standard_normal(2000), np.zeros(NUISANCES))
+    for prior in (PRIOR, np.array([1e-3, 1.0, 400.0, 0.0, 0.0])):
+        every = np.arange(NUISANCES)
+        found = score_test(fit, every, prior, regression.columns, ONE_SIDED, 3, 4000)
+        np.testing.assert_allclose(found.null.std(axis=0) / found.std, 1.0, atol=0.06)

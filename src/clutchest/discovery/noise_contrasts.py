@@ -21,6 +21,7 @@ from clutchest.signals import Floats
 WINDOW = 32  # residuals
 FEWEST = 8  # windows on each side of a contrast
 ROUNDED = 0.05  # of the noise's variance: more of it is rounding of readings that come in steps
+ALIKE = 0.05  # of a level: no better is computed how loud two regimes should be
 LOWEST = 2  # bin of a window's spectrum: below, its mean has been taken out
 NORMALISING = 1.0 / 3.0  # power that makes a chi-square variate nearly normal (Wilson, Hilferty)
 SHORT = np.float32  # of permuted tables
@@ -76,7 +77,8 @@ def contrasts(series: ResidualSeries, draws: int, rng: np.random.Generator) -> C
     measures = _measures(series, begins)
     values = measures.values - measures.values.mean(axis=0)
     sides = np.array([[p.side, p.other] for p in parts], float)  # (P, 2, W)
-    difference, log_p = _welch(sides, values)
+    alike = np.where(np.array(measures.kinds) == "level", 2.0 * np.log1p(ALIKE), 0.0)
+    difference, log_p = _welch(sides, values, alike)
     null, short, short_values = (
         np.zeros((draws, *log_p.shape)),
         sides.astype(SHORT),
@@ -87,7 +89,7 @@ def contrasts(series: ResidualSeries, draws: int, rng: np.random.Generator) -> C
         count = min(each, draws - begin)
         order = rng.permuted(np.tile(np.arange(len(begins)), (count, 1)), axis=1)
         permuted = np.moveaxis(short[..., order], 2, 0)
-        null[begin : begin + count] = _welch(permuted, short_values)[1]
+        null[begin : begin + count] = _welch(permuted, short_values, alike)[1]
     return Contrasts(parts, measures, difference, log_p, null)
 
 
@@ -147,14 +149,16 @@ def periodograms(values: Floats) -> Floats:
     return np.asarray(np.abs(np.fft.rfft(tapered, axis=1)[:, 1:-1]) ** 2)
 
 
-def _welch(sides: NDArray, values: NDArray) -> tuple[Floats, Floats]:
+def _welch(sides: NDArray, values: NDArray, alike: Floats) -> tuple[Floats, Floats]:
     """Differences (…, P, k) of the means of ``values`` (W, k) on two ``sides`` (…, P, 2, W), 1
-    inside of each and 0 elsewhere, and the logarithm of their two-sided p-values."""
+    inside of each and 0 elsewhere, and the logarithm of their two-sided p-values; differences of up
+    to ``alike`` (k) count as none."""
     count = sides.sum(axis=-1)[..., None]
     moments = sides @ np.concatenate([values, values**2], axis=-1) / count
     mean, square = np.split(moments, 2, axis=-1)
     variance = np.maximum(square - mean**2, 1e-30) / (count - 1.0)
     difference = mean[..., 0, :] - mean[..., 1, :]
-    statistic = np.abs(difference) / np.sqrt(variance.sum(axis=-2))
+    more = np.maximum(np.abs(difference) - alike, 0.0)
+    statistic = more / np.sqrt(variance.sum(axis=-2))
     freedom = variance.sum(axis=-2) ** 2 / (variance**2 / (count - 1.0)).sum(axis=-2)
     return difference, np.log(2.0 * stdtr(freedom, -statistic))

@@ -105,7 +105,7 @@ class Projected:
 
     ``weight`` (n, C) by how much each nuisance stands in for a column, ``pure`` (K, C) what none
     takes up, ``score`` (C) and its ``information`` (C, C); ``away`` (q, C): how scores respond to
-    the nuisances that have a prior.
+    the nuisances that have a prior, each in its standard deviations.
     """
 
     weight: Floats
@@ -146,13 +146,19 @@ class Projection:
         """Of ``columns`` (K, C), which are used up."""
         weight, priced, score = self._taken_out_of(columns)
         information = columns.T @ columns + weight.T @ priced
-        return Projected(weight, columns, score, information, priced[self.known > 0.0])
+        return Projected(weight, columns, score, information, self._away(priced))
 
     def apart(self, columns: Floats) -> Apart:
         """The same of each column by itself, and of its information the variance alone."""
         weight, priced, score = self._taken_out_of(columns)
         variance = np.einsum("kc,kc->c", columns, columns) + (weight * priced).sum(axis=0)
-        return Apart(score, variance, priced[self.known > 0.0])
+        return Apart(score, variance, self._away(priced))
+
+    def _away(self, priced: Floats) -> Floats:
+        """How scores respond to what each nuisance that has a prior is off by, in its standard
+        deviations (q, C); ``priced`` (n, C) by its precision."""
+        some = self.known > 0.0
+        return np.asarray(priced[some] / np.sqrt(self.known[some, None]))
 
     def _taken_out_of(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
         """What nuisances explain of ``columns`` (K, C) taken out of them in place; how much each
