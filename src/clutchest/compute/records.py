@@ -194,6 +194,15 @@ class Sensitivities(NamedTuple):
     by_theta: Any
 
 
+class Path(NamedTuple):
+    """States ``x`` (rows, n) of a run: from where each step of the responses begins, and at each
+    event before it is taken, one after the other.  Where they are ``known``, no step of the states
+    is made; else they are filled, if there are any rows."""
+
+    x: Any
+    known: bool
+
+
 class MeasuredRates(NamedTuple):
     """Measured ``rate`` (K, tracked), per s, of the ``tracked`` (indices) states, and ``acts`` (K)
     where their equations hold."""

@@ -60,9 +60,11 @@ def sensitivity_workspace(thetas):
 
 
 @inlined
-def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, work):
+def carried(
+    k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, path, at, work
+):
     """State and responses carried over the ``span`` s from event k − 1 to event k, in memory that
-    takes turns; P in place.  Returns x, xn, S and T."""
+    takes turns; P in place.  Returns x, xn, S and T, and the row of the ``path`` after ``at``."""
     row, p, g, active = events.row[k], numbers.p, numbers.g, thetas.active
     w, moves, F, G, xc = regimes.W[row], denoised.moves[k], work.F, work.G, work.xc
     ua, ub, va, vb = work.ua, work.ub, work.va, work.vb
@@ -71,6 +73,7 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
     each = (least + steps - 1) // steps
     dt = span / steps
     for i in range(steps):
+        at = marked(x, path, at)
         inputs_between(denoised.inputs, k, i, steps, va, vb)
         for j in range(STATES):
             xc[j] = x[j]  # from where the step begins
@@ -83,7 +86,7 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
             settle(xc, va, vb, dt, w, p, g, moves, work.xd)
             for j in tracking.settling:
                 work.xs[j] = work.xd[j]
-        for part in range(each):
+        for part in range(0 if path.known else each):
             inputs_between(events.u, k, i * each + part, steps * each, ua, ub)
             follow(x, ua, ub, dt / each, w, p, g, moves, xn)
             x, xn = xn, x
@@ -98,7 +101,19 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
             for q in range(FIRST[active[c]], FIRST[active[c] + 1]):
                 T[ROW[q], c] += G[ROW[q], active[c]] * work.acts[c]
         S, T = T, S
-    return x, xn, S, T
+    return x, xn, S, T, at
+
+
+@inlined
+def marked(x, path, at):
+    """Put x into row ``at`` of the path, or what stands there into x.  Returns the next row."""
+    if path.known:
+        for j in range(STATES):
+            x[j] = path.x[at, j]
+    elif at < len(path.x):
+        for j in range(STATES):
+            path.x[at, j] = x[j]
+    return at + 1
 
 
 @inlined
@@ -133,7 +148,7 @@ def innovate(k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, w
 
 @compiled
 def filter_sensitivities(
-    start, thetas, events, denoised, varying, tracking, regimes, numbers, results, work
+    start, thetas, events, denoised, varying, tracking, regimes, numbers, path, results, work
 ):
     """Filter a log and follow the responses to the active thetas.
 
@@ -146,12 +161,12 @@ def filter_sensitivities(
     Noise that stands in an innovation and in its derivative alike would make every number that
     multiplies an input seem smaller than it is.
 
-    Filled: ``results``, and gain and variance of ``tracking`` where they are not frozen; ``start``
-    is moved to the end, ``numbers`` become the ``varying`` ones there, and ``work`` is memory of
-    its own for each run.
+    Filled: ``results``, the ``path`` where it is not known, and gain and variance of ``tracking``
+    where they are not frozen; ``start`` is moved to the end, ``numbers`` become the ``varying``
+    ones there, and ``work`` is memory of its own for each run.
     """
     t, sensor, emit, which, acts = events.t, events.sensor, events.emit, thetas.which, work.acts
-    x, xn, P, S, T = start.x, work.xn, start.P, work.S, work.T
+    x, xn, P, S, T, at = start.x, work.xn, start.P, work.S, work.T, 0
     for i in range(STATES):
         for c in range(len(acts)):
             S[i, c] = start.S[i, c]
@@ -163,9 +178,25 @@ def filter_sensitivities(
         vary(k, varying, numbers)
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
-            x, xn, S, T = carried(
-                k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, work
+            x, xn, S, T, at = carried(
+                k,
+                span,
+                x,
+                xn,
+                S,
+                T,
+                P,
+                thetas,
+                events,
+                denoised,
+                tracking,
+                regimes,
+                numbers,
+                path,
+                at,
+                work,
             )
+        at = marked(x, path, at)
         if sensor[k] >= 0:
             innovation = innovate(
                 k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, work

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.signals import Floats
 
 KEPT = 4  # a fit asks twice where its numbers put the inputs, then for derivatives there
+PATHS = 8  # a cause, its rivals and the model without one are come back to in turns
+ENTRIES = 6e6  # of paths that are kept: of an hour, none
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +31,8 @@ class _Run:
     def serves(self, numbers: ModelNumbers, corrections: Mapping[int, Floats]) -> bool:
         """Whether it was made there."""
         return (
-            numbers.late == self.numbers.late
+            _same(numbers, self.numbers)
             and corrections.keys() == self.corrections.keys()
-            and all(map(np.array_equal, numbers[:3], self.numbers[:3]))
             and all(np.array_equal(corrections[j], by) for j, by in self.corrections.items())
         )
 
@@ -67,3 +69,36 @@ class LastRuns:
         copy = innovations.only(np.flatnonzero(wanted))
         new = _Run(numbers, point.corrections, wanted.copy(), copy)
         self._runs = (*others, new)[-KEPT:]
+
+
+class StatePath(NamedTuple):
+    """Of one run: the ``rows`` (r, n) of states that kernels take (``records.Path``), and the
+    ``states`` (events, n) after each event."""
+
+    rows: Floats
+    states: Floats
+
+
+class LastPaths:
+    """Where the states went at the last numbers of one drive with its frozen gains: they depend on
+    nothing else, and derivatives of any kind need not follow them again."""
+
+    def __init__(self) -> None:
+        self._paths: tuple[tuple[ModelNumbers, StatePath], ...] = ()
+
+    def at(self, numbers: ModelNumbers) -> StatePath | None:
+        """The path at these numbers, if it is known."""
+        for pair in self._paths:
+            if _same(numbers, pair[0]):
+                self._paths = (*(other for other in self._paths if other is not pair), pair)
+                return pair[1]
+        return None
+
+    def keep(self, numbers: ModelNumbers, path: StatePath) -> None:
+        """Remember a path, which nobody changes."""
+        most = min(PATHS, int(ENTRIES / max(path.rows.size, 1)))
+        self._paths = (*self._paths, (numbers, path))[-most:] if most > 1 else ()
+
+
+def _same(one: ModelNumbers, other: ModelNumbers) -> bool:
+    return one.late == other.late and all(map(np.array_equal, one[:3], other[:3]))

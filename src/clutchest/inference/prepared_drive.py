@@ -19,7 +19,7 @@ from clutchest.compute.records import Belief, Varying
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled
 from clutchest.inference.input_interpolation import InterpolatedInput
-from clutchest.inference.last_runs import LastRuns
+from clutchest.inference.last_runs import LastPaths, LastRuns
 from clutchest.inference.noise_model import Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.signals import Floats
@@ -166,7 +166,7 @@ class PreparedDrive:
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
     the vehicle file's numbers, from which linearisations at any others begin; ``varying``: numbers
-    of effects that are others at every event; ``runs``: the last ones of this drive.
+    of effects that are others at every event; ``runs`` and ``paths``: the last ones of this drive.
     """
 
     compiled: Compiled
@@ -183,6 +183,7 @@ class PreparedDrive:
     at_nominal: OperatingPoint
     varying: Varying
     runs: LastRuns = field(default_factory=LastRuns, init=False, repr=False, compare=False)
+    paths: LastPaths = field(default_factory=LastPaths, init=False, repr=False, compare=False)
 
     @property
     def at_once(self) -> NDArray[np.int64]:
