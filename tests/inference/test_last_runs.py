@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import clutchest
 from clutchest.inference import problem as runs
 from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.last_runs import ENTRIES, LastPaths, StatePath
+from clutchest.inference.operating_point import ModelNumbers
 from clutchest.inference.problem import Problem
 
 RIG = clutchest.load_vehicle("alsd_rig")
@@ -66,3 +70,29 @@ def test_what_a_user_does_to_a_table_stays_his_own(problem):
     first.table[:] = np.nan
     problem.linearise(theta, {})[0].table[:] = 0.0
     np.testing.assert_array_equal(problem.linearise(theta, {})[0].table, kept)
+
+
+@pytest.mark.parametrize("in_halves", [False, True])
+def test_states_are_followed_once_at_the_same_numbers(problem, counted, monkeypatch, in_halves):
+    """What follows of a path that is known is what a run of its own gives, to the last bit."""
+    monkeypatch.setattr("clutchest.inference.propagation.halved", lambda _: in_halves)
+    theta = np.full(len(problem.thetas), 0.1)
+    fresh = replace(problem, drives=[replace(drive) for drive in problem.drives])
+    (whole,) = fresh.linearise(theta, {})
+    (none,) = problem.linearise(theta, {}, NO_DERIVATIVES)
+    numbers = problem.numbers(theta, {})
+    known = problem.drives[0].paths.at(numbers)
+    assert known is not None and known.states is none.implied.states
+    (some,) = problem.linearise(theta, {})
+    assert problem.drives[0].paths.at(numbers) is known
+    np.testing.assert_array_equal(some.table, whole.table)
+    np.testing.assert_array_equal(some.implied.states, whole.implied.states)
+
+
+def test_paths_that_would_fill_memory_are_not_kept():
+    paths, numbers = LastPaths(), ModelNumbers(np.zeros(1), np.zeros(1), np.zeros(1), {})
+    paths.keep(numbers, StatePath(np.broadcast_to(0.0, (int(ENTRIES), 1)), np.zeros((1, 1))))
+    assert paths.at(numbers) is None
+    paths.keep(numbers, StatePath(np.zeros((2, 1)), np.zeros((1, 1))))
+    assert paths.at(numbers) is not None
+    assert paths.at(numbers._replace(first=np.ones(1))) is None
