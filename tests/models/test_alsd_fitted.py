@@ -150,3 +150,21 @@ def test_steps_are_short_while_the_motor_moves_and_as_good_where_it_stands(monke
     assert len(both) > 0.99 * len(found[True])  # hardly a reading is used by one alone
     off = np.array([found[True][key] - found[False][key] for key in both])
     assert np.sqrt(np.mean(off**2)) < 0.03
+
+
+def test_contact_begins_at_any_time_within_a_step():
+    """Else wind-up would not depend on when the pack is touched, or a hundred times too much."""
+    problem = Problem.of(clutchest.simulate(RIG, "rig-slow", 5, duration=1.0), RIG, ())
+    wound = FITTED.states.index(_state("wind_up"))
+    free_play = [str(theta) for theta in problem.thetas].index("start of free_play")
+
+    def wind_up(off: float) -> np.ndarray:
+        theta = np.zeros(len(problem.thetas))
+        theta[free_play] = off
+        run = problem.linearise(theta, {}, NO_DERIVATIVES)[0]
+        return np.asarray(run.implied.states[:, wound])
+
+    play = RIG.parameters["differential_backlash"].value
+    pressed = int(np.argmax(wind_up(0.0) > 1.1 * play))
+    less = -np.diff([wind_up(off)[pressed] for off in np.linspace(0.0, 0.5, 41)])
+    assert less.min() > 0.5 * less.mean() and less.max() < 1.5 * less.mean()

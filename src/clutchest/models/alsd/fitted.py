@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Container
 from dataclasses import replace
 
+from clutchest.casadi_later import ca
 from clutchest.models.alsd import (
     ball_ramp,
     belleville,
@@ -25,7 +26,7 @@ from clutchest.models.alsd.estimator import ALSD, FULL_MODEL_ONLY, driven_by
 from clutchest.models.alsd.friction import reset_integrator
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.reduced import readings, slip_measured, wear
-from clutchest.models.model import Model
+from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import State
 
 # Process noise, state unit/√s, of what is tracked: what is between the samples of the voltage,
@@ -60,11 +61,26 @@ PLATE = State(
     carried=False,
     stiff=True,
 )
+LEAST = 1e-3  # N
+FAST = 2.5e-4  # s, the longest step while the motor moves
 _OF_BRISTLE_AND_STOP = {"motor_bristle_stiffness", "motor_bristle_damping", "limiter_stiffness"}
 _STATES = {
     state.name: replace(state, process_noise=NOISE.get(state.name, (state.process_noise,))[0])
     for state in ALSD.states
 }
+
+
+def touching(q: Quantities) -> None:
+    """Behind its play the bristle winds up as soon as the pack presses, which it begins to within
+    a step: on the force of the first step's way, little by little.  All at once, when it began
+    would seem not to matter, or, in one engagement of a hundred, a hundred times as much.
+    """
+    first = q.pack_stiffness * ca.fabs(q.plate_speed) * FAST + LEAST
+    winds = ca.fmin(q.pack_force / first, 1.0)
+    taken_up = ca.sign(q.slip_speed) * q.wind_up >= q.bristle_play
+    q.wind_up_rate = q.wind_up_rate * ca.if_else(taken_up, winds, 1.0)
+
+
 PIECES = (
     dc_motor.armature,
     dc_motor.motor_torque,
@@ -81,6 +97,7 @@ PIECES = (
     pack.potential,
     driveline.wound_up,
     reset_integrator,
+    touching,
     thermal.clutch_torque,
     thermal.temperatures,
     wear,
@@ -94,7 +111,7 @@ FITTED = replace(
     sensors=tuple(replace(sensor, mode="") for sensor in ALSD.sensors),
     pieces=PIECES,
     doubted=(),
-    longest=(2.5e-4, 2e-3),
+    longest=(FAST, 2e-3),
     at_once=(4, 1),  # the estimator's step
     fast_while="moving",
     tracked={n: {"engaged": free, "fast": creeps} for n, (_, creeps, free) in NOISE.items()},
