@@ -72,10 +72,10 @@ _STATES = {
 
 def touching(q: Quantities) -> None:
     """Behind its play the bristle winds up as soon as the pack presses, which it begins to within
-    a step: on the force of the first step's way, little by little.  All at once, when it began
+    a step: on the force of the way of two steps, little by little.  All at once, when it began
     would seem not to matter, or, in one engagement of a hundred, a hundred times as much.
     """
-    first = q.pack_stiffness * ca.fabs(q.plate_speed) * FAST + LEAST
+    first = q.pack_stiffness * ca.fabs(q.plate_speed) * (2 * FAST) + LEAST
     winds = ca.fmin(q.pack_force / first, 1.0)
     taken_up = ca.sign(q.slip_speed) * q.wind_up >= q.bristle_play
     q.wind_up_rate = q.wind_up_rate * ca.if_else(taken_up, winds, 1.0)
