@@ -130,14 +130,14 @@ def test_a_motor_that_stands_is_not_shaken_until_it_creeps():
     assert abs(np.mean(up) - np.mean(down)) < 3.0 * error
 
 
-def test_steps_are_short_while_the_motor_moves_and_as_good_where_it_stands(monkeypatch):
+def test_steps_are_short_while_the_motor_turns_and_as_good_where_it_creeps_or_stands(monkeypatch):
     """Innovations with steps as short throughout differ by a small part of their noise."""
     problem, theta = problem_of(31)
-    drive, moving = problem.drives[0], FITTED.regime.index("moving")
-    moves = drive.line.W[:, moving] > 0
-    assert set(drive.line.longest[moves]) == {FITTED.longest[0]}
-    assert set(drive.line.longest[~moves]) == {FITTED.longest[1]}
-    short = replace(FITTED, longest=(FITTED.longest[0],) * 2)
+    line = problem.drives[0].line
+    moves, fast = (line.W[:, FITTED.regime.index(flag)] > 0 for flag in ("moving", "fast"))
+    for where, longest in zip((fast, moves & ~fast, ~moves & ~fast), FITTED.longest, strict=True):
+        assert set(line.longest[where]) == {longest}
+    short = replace(FITTED, longest=(FITTED.longest[0],) * 3)
     monkeypatch.setattr(type(RIG), "machine", replace(RIG.machine, fitted=lambda names: short))
     finer, _ = problem_of(31)
     found = {}

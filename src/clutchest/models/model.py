@@ -122,9 +122,9 @@ class Model:
     them.
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
-    of a signal's slope: input → signal.  ``longest`` s, a step may be under the flag
-    ``fast_while``, and otherwise; the first throughout where ``regime`` has no such flag.  Of these
-    steps, derivatives of a fit take ``at_once`` in one.
+    of a signal's slope: input → signal.  ``longest`` s, a step may be under each of the
+    flags ``fast_while``, the first of them that holds, and otherwise; the first throughout where
+    ``regime`` has no such flag.  Of these steps, derivatives of a fit take ``at_once`` in one.
     ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
     ``<state>_std``; where nothing is estimated it is 0.
     ``unobservable``: state → why no available signal informs it.  ``implied``: noisy input → the
@@ -142,9 +142,9 @@ class Model:
     outputs: tuple[str, ...] = ()
     anchor: str = ""
     slopes: Mapping[str, str] = field(default_factory=dict)
-    longest: tuple[float, float] = (0.02, 0.5)
-    fast_while: str = SLIDING
-    at_once: tuple[int, int] = (1, 1)
+    longest: tuple[float, ...] = (0.02, 0.5)
+    fast_while: tuple[str, ...] = (SLIDING,)
+    at_once: tuple[int, ...] = (1, 1)
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     tracked: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -168,12 +168,18 @@ class Model:
         """The same model not driven by this input."""
         return replace(self, inputs=tuple(i for i in self.inputs if i.name != name))
 
-    def by_pace(self, two: tuple[float, float], flags: Floats) -> Floats:
-        """Of ``two`` numbers, the one that holds under each row of regime ``flags`` (r, ≥ f): the
-        first where equations are fast."""
-        flag = self.fast_while
-        fast = flags[:, self.regime.index(flag)] > 0 if flag in self.regime else [True]
-        return np.broadcast_to(np.where(fast, *two), len(flags)).copy()
+    def by_pace(self, of: tuple[float, ...], flags: Floats) -> Floats:
+        """The number ``of`` each pace that holds under each row of regime ``flags`` (r, ≥ f), the
+        fastest first."""
+        paces = [
+            (flag, value)
+            for flag, value in zip(self.fast_while, of, strict=False)
+            if flag in self.regime
+        ]
+        pace = np.full(len(flags), of[-1] if paces else of[0])
+        for flag, value in reversed(paces):
+            pace[flags[:, self.regime.index(flag)] > 0] = value
+        return pace
 
     def with_noise(self, state: str, process_noise: float) -> Model:
         """The same model with another process noise of one state, state unit/√s."""

@@ -111,9 +111,9 @@ FITTED = replace(
     sensors=tuple(replace(sensor, mode="") for sensor in ALSD.sensors),
     pieces=PIECES,
     doubted=(),
-    longest=(FAST, 2e-3),
-    at_once=(4, 1),  # the estimator's step
-    fast_while="moving",
+    longest=(FAST, 1e-3, 2e-3),
+    at_once=(4, 1, 1),  # the estimator's step
+    fast_while=("fast", "moving"),
     tracked={n: {"engaged": free, "fast": creeps} for n, (_, creeps, free) in NOISE.items()},
     uncorrected={"motor_speed": "moving", "motor_bristle": "moving"},
     exact=("armature_inductance",),  # samples come ten times as far apart as the current settles
