@@ -69,6 +69,8 @@ def main() -> None:
     printable()
     hide_asammdf()
     os.environ.setdefault("RUST_LOG", "off")  # Rerun's own remarks are not the user's
+    # what is worth sharing is shared already, and threads of linear algebra beside it only spin
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_OBJECTS)
     sys.setswitchinterval(_SWITCH_S)
     atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
@@ -87,7 +86,6 @@ def replay(
       clutchest replay wednesday.log --vehicle truck --state results/state.json
       clutchest replay monday.log --vehicle truck --from 60 --to 300 --format mf4
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small, its threads would spin
     with progress() as show:
         show("loading", None)
         run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
