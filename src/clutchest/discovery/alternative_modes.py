@@ -23,9 +23,10 @@ def cause_in_alternative_mode(search: Search) -> tuple[Search, bool]:
     """Whether one of the best's causes is superfluous in another mode: it is dropped, and the
     search is to go on from there."""
     for cause in search.best.causes:
-        fewer = search.without(cause, search.best)
+        # the model without a cause has been fitted from where its likeliest one ended
+        fewer = search.without(cause, search.best) if len(search.best.causes) > 1 else search.null
         free = search.free(fewer.causes)
-        near = search.objective.relinearise(fewer.fit, fewer.fit.theta, active=free)
+        near = search.objective.linearise_at(fewer.fit.theta, fewer.fit.shapes, free)
         fit = multistart(search.objective, near, free)
         if fit is None:
             continue

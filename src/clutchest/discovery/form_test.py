@@ -25,6 +25,7 @@ from clutchest.discovery.residual_curves import (
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import CLOSE, Search
+from clutchest.inference.cores import shared
 from clutchest.inference.covariates import hats
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
@@ -87,7 +88,7 @@ def _tested(
         return TestedForm(Form(None, "nothing that may drive it varies in this log"))
     for cause, term in {d.cause: d.term for d in drivers if d.term}.items():
         beside = beside.also(term.off[:, None], abs(float(at.fit.theta[cause.index])))
-    deviations = [_deviation(at, beside, driver.table) for driver in drivers]
+    deviations = shared(lambda driver: _deviation(at, beside, driver.table), drivers)
     least = min(range(len(drivers)), key=lambda i: deviations[i].p_value)
     driver, found = drivers[least], deviations[least]
     tests = sum(each.freedom > 0 for each in deviations)
