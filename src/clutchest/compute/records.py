@@ -246,13 +246,14 @@ class Work(NamedTuple):
 
 class SensitivityWork(NamedTuple):
     """The same for ``filter_sensitivities``: responses ``S`` and ``T`` (n, ≥ a), in turns, how far
-    each theta ``acts`` (a), a reading's response ``by_theta`` (a), states, inputs at the ends of a
-    step, derivatives."""
+    each theta ``acts`` (a), a reading's response ``by_theta`` (a), the ``row`` (1) of the path that
+    comes next, states, inputs at the ends of a step, derivatives."""
 
     S: Any
     T: Any
     acts: Any
     by_theta: Any
+    row: Any
     xn: Any
     xc: Any
     xs: Any

@@ -41,6 +41,7 @@ def sensitivity_workspace(thetas):
         T=np.zeros((n, wide)),
         acts=np.ones(thetas),
         by_theta=np.zeros(thetas),
+        row=np.zeros(1, np.int64),
         xn=np.zeros(n),
         xc=np.zeros(n),
         xs=np.zeros(n),
@@ -60,20 +61,19 @@ def sensitivity_workspace(thetas):
 
 
 @inlined
-def carried(
-    k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, path, at, work
-):
-    """State and responses carried over the ``span`` s from event k − 1 to event k, in memory that
-    takes turns; P in place.  Returns x, xn, S and T, and the row of the ``path`` after ``at``."""
+def carried(k, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, path, work):
+    """State and responses carried from event k − 1 to event k, in memory that takes turns; P in
+    place.  Returns x, xn, S and T."""
     row, p, g, active = events.row[k], numbers.p, numbers.g, thetas.active
     w, moves, F, G, xc = regimes.W[row], denoised.moves[k], work.F, work.G, work.xc
     ua, ub, va, vb = work.ua, work.ub, work.va, work.vb
+    span = events.t[k] - events.t[k - 1]
     least = ceil(span / regimes.longest[row])
     steps = (least + thetas.at_once[row] - 1) // thetas.at_once[row]  # of the responses
     each = (least + steps - 1) // steps
     dt = span / steps
     for i in range(steps):
-        at = marked(x, path, at)
+        mark(x, path, work)
         inputs_between(denoised.inputs, k, i, steps, va, vb)
         for j in range(STATES):
             xc[j] = x[j]  # from where the step begins
@@ -101,19 +101,20 @@ def carried(
             for q in range(FIRST[active[c]], FIRST[active[c] + 1]):
                 T[ROW[q], c] += G[ROW[q], active[c]] * work.acts[c]
         S, T = T, S
-    return x, xn, S, T, at
+    return x, xn, S, T
 
 
 @inlined
-def marked(x, path, at):
-    """Put x into row ``at`` of the path, or what stands there into x.  Returns the next row."""
+def mark(x, path, work):
+    """Put x into the next row of the path, or what stands there into x."""
+    at = work.row[0]
+    work.row[0] = at + 1
     if path.known:
         for j in range(STATES):
             x[j] = path.x[at, j]
     elif at < len(path.x):
         for j in range(STATES):
             path.x[at, j] = x[j]
-    return at + 1
 
 
 @inlined
@@ -166,7 +167,7 @@ def filter_sensitivities(
     ones there, and ``work`` is memory of its own for each run.
     """
     t, sensor, emit, which, acts = events.t, events.sensor, events.emit, thetas.which, work.acts
-    x, xn, P, S, T, at = start.x, work.xn, start.P, work.S, work.T, 0
+    x, xn, P, S, T = start.x, work.xn, start.P, work.S, work.T
     for i in range(STATES):
         for c in range(len(acts)):
             S[i, c] = start.S[i, c]
@@ -176,35 +177,16 @@ def filter_sensitivities(
             if which[c] >= 0:
                 acts[c] = thetas.basis[k, which[c]]
         vary(k, varying, numbers)
-        span = t[k] - t[k - 1] if k > 0 else 0.0
-        if span > 0.0:
-            x, xn, S, T, at = carried(
-                k,
-                span,
-                x,
-                xn,
-                S,
-                T,
-                P,
-                thetas,
-                events,
-                denoised,
-                tracking,
-                regimes,
-                numbers,
-                path,
-                at,
-                work,
+        if k > 0 and t[k] > t[k - 1]:
+            x, xn, S, T = carried(
+                k, x, xn, S, T, P, thetas, events, denoised, tracking, regimes, numbers, path, work
             )
-        at = marked(x, path, at)
+        mark(x, path, work)
         if sensor[k] >= 0:
             innovation = innovate(
                 k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, work
             )
-            if emit[k] >= 0:
-                results.innovation[emit[k]] = innovation
-                for c in range(len(acts)):
-                    results.by_theta[emit[k], thetas.place[c]] = -work.by_theta[c]
+            emitted(emit[k], innovation, thetas, results, work)
         for i in range(STATES):
             results.x[k, i] = x[i]
         for i in tracking.settling:
@@ -214,6 +196,15 @@ def filter_sensitivities(
         start.settled[i] = work.xs[i]
         for c in range(len(acts)):
             start.S[i, c] = S[i, c]
+
+
+@inlined
+def emitted(row, innovation, thetas, results, work):
+    """Put an innovation and its response to every active θ into a row of the results, if any."""
+    if row >= 0:
+        results.innovation[row] = innovation
+        for c in range(len(thetas.active)):
+            results.by_theta[row, thetas.place[c]] = -work.by_theta[c]
 
 
 @inlined
