@@ -46,7 +46,7 @@ def _sizes_in(verdict: SearchVerdict, h: CauseSet) -> dict[tuple[str, str], Size
     """The sizes of one set of causes: gains and shapes with their standard deviations."""
     search, spread = verdict.search, verdict.spreads[h.names]
     problem = search.problem
-    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
+    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes, search.free(h.causes))
     # what a healthy vehicle has of an effect is part of its size
     within = problem.tolerances(c.index for c in h.causes)
     free = np.setdiff1d(search.free(h.causes), within)
