@@ -17,7 +17,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 MOST = 4  # threads: beyond, what holds the interpreter decides
-ENTRIES = 6e6  # of derivatives that fits may hold together: of an hour, one at a time
+ENTRIES = 4.5e6  # of derivatives that fits may hold together: of an hour, one at a time
 FEWEST = 4000  # events of a run that is worth two threads
 _thread = threading.local()  # ``shares``: whether it is one of several that share work
 
