@@ -23,6 +23,7 @@ from clutchest.compute.records import (
 )
 from clutchest.estimate.whole_log import events_of, regimes_of
 from clutchest.inference.cores import halved, shared
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.last_runs import StatePath
 from clutchest.inference.operating_point import ModelNumbers
 from clutchest.inference.prepared_drive import FrozenGains, PreparedDrive
@@ -212,8 +213,8 @@ class Propagation(NamedTuple):
 
 def _none(drive: PreparedDrive) -> _Responses:
     """No responses at all."""
-    nothing = Modulation(np.zeros((len(drive.line.t), 0)), np.zeros(0, np.int64))
-    return _Responses(np.zeros(0, np.int64), nothing, Derivatives.of(drive, 0))
+    nothing = Modulation(np.zeros((len(drive.line.t), 0)), NO_DERIVATIVES)
+    return _Responses(NO_DERIVATIVES, nothing, Derivatives.of(drive, 0))
 
 
 @compiled
