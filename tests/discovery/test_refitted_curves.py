@@ -14,8 +14,9 @@ import clutchest
 from clutchest.compute.records import Varying
 from clutchest.discovery.curve_evidence import covariance, evidence, freedom
 from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.refitted_curves import located
-from clutchest.discovery.residual_curves import Nuisances, curves
+from clutchest.discovery.residual_curves import curves
 from clutchest.discovery.search import begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.several_errors import TIED, several_errors

@@ -11,10 +11,10 @@ from scipy.stats import multivariate_normal
 
 import clutchest
 from clutchest.discovery.curve_evidence import SCALES, covariance, evidence, expected
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     CurvesAt,
-    Nuisances,
     curves,
     places,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.discovery.residual_curves import Nuisances
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.several_errors import CurveColumns, evidence_joined
 from clutchest.inference.unknowns import UnknownParameter
 from made_up import objective_of

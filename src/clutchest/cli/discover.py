@@ -18,6 +18,9 @@ from clutchest.cli.options import (
 from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, meanwhile, progress
 
+LONG = 1200.0  # s of logs: discovery of longer ones needs the memory that writing takes
+WRITERS = "clutchest.record.form_picture", "clutchest.record.discovery_recording"
+
 EffectsFiles = Annotated[
     list[Path] | None,
     Option(
@@ -67,12 +70,19 @@ def discover(
         from clutchest.discovery.discover import discover as search
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
 
+        writers = [*WRITERS] if sum(drive.end for drive in signals.drives) < LONG else []
+
+        def searching(text: str, share: float | None) -> None:
+            show(text, share)
+            meanwhile(*writers)  # not earlier: two threads of Python take turns
+            writers.clear()
+
         discovery = search(
             signals,
             car,
             holdout=held_out,
             effects_files=tuple(effects or ()),
-            progress=show,
+            progress=searching,
             on_identifiability=None if as_json else lambda i: print_identifiable(i, Console()),
         )
         show("writing", None)

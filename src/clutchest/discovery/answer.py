@@ -26,14 +26,13 @@ def causes_of(verdict: SearchVerdict) -> tuple[Cause, ...]:
     """Those of the most likely set first; of an effect in several sets, each size as it is in the
     first that has it."""
     causes: dict[str, Cause] = {}
-    known = {curve.covariate for curve in verdict.errors}
     for h in verdict.sets:
         for (name, key), size in _sizes_in(verdict, h).items():
             if name not in causes:
                 cause = next(c for c in h.causes if c.name == name)
                 statistic = verdict.search.established(cause, h)
                 form = verdict.forms[name].form if name in verdict.forms else UNTESTED
-                drivers = drivers_of(cause.effect, cause.gain.key, known)
+                drivers = drivers_of(cause.effect, cause.gain.key, verdict.covariates)
                 equation = cause.effect.equation
                 causes[name] = Cause(name, equation, {}, *statistic, form, drivers)
             if key not in causes[name].parameters:

@@ -47,7 +47,13 @@ from clutchest.discovery.sentences import (
 from clutchest.discovery.speed_agreement import Disagreement, disagreement
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
-from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
+from clutchest.discovery.verdict import (
+    HeldOut,
+    SearchVerdict,
+    errors_without_causes,
+    judge,
+    least_confirmed,
+)
 from clutchest.discovery.where import Where
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
@@ -177,10 +183,10 @@ class _Outcome:
             replace(c, form=replace(c.form, added=self.added.get(c.effect, ""))) for c in causes
         )
 
-    @property
-    def doubted(self) -> _Outcome:
+    def doubted_at(self, search: Search) -> _Outcome:
         """The same where residuals are not noise, more surely than what was found is not."""
-        return replace(self, name="unknown", curve=None, gain=None, added={})
+        errors = errors_without_causes(search) if self.named else self.errors
+        return replace(self, name="unknown", errors=errors, curve=None, gain=None, added={})
 
     @property
     def named(self) -> bool:
@@ -211,7 +217,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     fit, fit_extended = _tested(search, [before, after] if outcome.named else [before])
     left = fit_extended or fit
     if doubted := outcome.name != "unknown" and left.outweighs(search.null.cost - after.cost):
-        outcome, after, fit_extended = outcome.doubted, before, None
+        outcome, after, fit_extended = outcome.doubted_at(search), before, None
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     peaks = task.vehicle.machine.peaks
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
@@ -288,7 +294,8 @@ def _rejected(verdict: SearchVerdict, outcome: _Outcome) -> _Outcome:
     what = " and ".join(sorted(verdict.best.names))
     if verdict.unnamed:
         what = f"an error in '{outcome.errors[0].equation}'"
-    return _Outcome("none", outcome.errors, None, None, (not_confirmed(what),))
+    errors = outcome.errors if verdict.unnamed else errors_without_causes(verdict.search)
+    return _Outcome("none", errors, None, None, (not_confirmed(what),))
 
 
 def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:

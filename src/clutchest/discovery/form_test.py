@@ -16,11 +16,11 @@ from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.deviation import FormDeviation, deviation
 from clutchest.discovery.effect_drivers import Standin, by_shapes, drivers_of, standin
 from clutchest.discovery.noise_blocks import noise_blocks
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     Curve,
     CurvesAt,
-    Nuisances,
     places,
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve

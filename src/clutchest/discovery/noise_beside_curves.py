@@ -17,9 +17,10 @@ import numpy as np
 from scipy.linalg import solve
 
 from clutchest.discovery.curve_portions import held, portions
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.own_noise import ENOUGH, SLIGHT, as_loud, as_noise
 from clutchest.discovery.refitted_curves import WIDEST, comes_and_goes
-from clutchest.discovery.residual_curves import Curve, CurvesAt, Nuisances, curves, places
+from clutchest.discovery.residual_curves import Curve, CurvesAt, curves, places
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import hats
 from clutchest.inference.linearisation import Modulation

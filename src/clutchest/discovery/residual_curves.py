@@ -9,7 +9,7 @@ noise in the equation.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.curve_evidence import covariance, evidence, expected
 from clutchest.discovery.curve_portions import held, portions
 from clutchest.discovery.noise_blocks import noise_blocks
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import (
     FINE_KNOTS,
@@ -84,44 +85,18 @@ class CandidateCurve(NamedTuple):
     negligible: float = NEGLIGIBLE
 
 
-@dataclass(frozen=True, slots=True)
-class Nuisances:
-    """What is free beside curves at a linearisation ``at``: ``free`` unknowns (indices), of
-    precision ``prior`` (m)."""
-
-    at: Linearisation
-    free: NDArray[np.int64]
-    prior: Floats
-
-    def also(self, columns: Floats, std: float) -> Nuisances:
-        """With unknowns whose derivatives are ``columns`` (K, c), expected at 0 with a standard
-        deviation ``std``."""
-        count, more = len(self.prior), columns.shape[1]
-        at = replace(
-            self.at,
-            theta=np.append(self.at.theta, np.zeros(more)),
-            by_active=np.column_stack([self.at.psi, columns]),
-            active=None,
-        )
-        prior = np.append(self.prior, np.full(more, std**-2.0))
-        return Nuisances(at, np.append(self.free, np.arange(count, count + more)), prior)
-
-    def explained(self) -> Nuisances:
-        """With the innovations that are left where they explain what they can."""
-        psi = self.at.psi[:, self.free]
-        inner = psi.T @ psi + np.diag(self.prior[self.free] + 1e-9)
-        step = np.linalg.solve(
-            inner, psi.T @ self.at.r + self.prior[self.free] * self.at.theta[self.free]
-        )
-        theta = self.at.theta.copy()
-        theta[self.free] -= step
-        return replace(self, at=replace(self.at, theta=theta, r=self.at.r - psi @ step))
-
-
-def curves(objective: Objective, fit: Linearisation, beside: Nuisances, seed: int) -> list[Curve]:
-    """Every curve over every covariate at a fit, the most likely first, ``beside`` what is free."""
+def curves(
+    objective: Objective,
+    fit: Linearisation,
+    beside: Nuisances,
+    seed: int,
+    equations: Collection[str] = (),
+) -> list[Curve]:
+    """Every curve over every covariate at a fit, the most likely first, ``beside`` what is free; in
+    these ``equations`` alone where some are given."""
     at = CurvesAt.of(objective, fit)
-    return at.tested(beside, at.every(), seed)
+    some = [t for t in at.every() if not equations or t.equation in equations]
+    return at.tested(beside, some, seed)
 
 
 @dataclass(frozen=True, slots=True)

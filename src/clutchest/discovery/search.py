@@ -32,6 +32,7 @@ from clutchest.signals import Floats
 LEVEL = 0.0085  # family-wise false-alarm probability; the rest to 1 % is for unnamed errors
 LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which another may join
 MOST = 3  # causes acting together
+CERTAIN = 1e-4  # family-wise p-value of a cause that is beyond doubt
 CLOSE = 10.0  # of 2 Δ ln L: by how much a cause may lag by first order to be fitted
 STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is not exact
 INEXACT = 2e-4  # of what causes explain: equations that are 1 % off leave as much of it
@@ -78,6 +79,13 @@ class Search:
             for h in self.rivals
             if h.cost - self.best.cost < NOT_EXCLUDED and h.names != self.best.names
         ]
+
+    @property
+    def clear(self) -> bool:
+        """Whether some cause is significant beyond doubt, to first order."""
+        scores = self.null_scores
+        p = scores.p_alone(scores.z)
+        return bool(len(p) and scores.p_family_wise(p.min()) < CERTAIN)
 
     def free(self, causes: Iterable[CandidateCause]) -> NDArray[np.int64]:
         """Indices of nuisances and of the gains of ``causes``."""

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from clutchest.discovery.curve_evidence import evidence
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.refitted_curves import Located, comes_and_goes
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     Curve,
     CurvesAt,
-    Nuisances,
     places,
 )
 from clutchest.inference.score_test import Projection

@@ -3,7 +3,7 @@ remains."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,8 +21,9 @@ from clutchest.discovery.form_test import (
 )
 from clutchest.discovery.holdout_gain import held_out_gain
 from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
+from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.refitted_curves import Located, located
-from clutchest.discovery.residual_curves import Curve, Nuisances, curves
+from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import TIED, Errors, several_errors
 from clutchest.discovery.shape_profile import Spread, refine
@@ -50,10 +51,11 @@ class SearchVerdict:
     do not exclude, of sizes as the data say, ``rejected`` those they do; ``limit``: the cost of the
     best at plausible sizes, to which that of rejected ones is compared.  ``spreads``: the
     uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
-    first; ``unnamed``: whether they explain more than any cause.  ``dropped``: names of causes that
-    are not confirmed on held-out drives.  ``forms``: the tests of the forms of all causes, by
-    effect.  ``others``: errors without a name in other equations beside the first one's;
-    ``instead``: equations in which that may be as well.
+    first, those in the equation of a single cause where no other explains as much; ``unnamed``:
+    whether they explain more than any cause.  ``dropped``: names of causes that are not confirmed
+    on held-out drives.  ``forms``: the tests of the forms of all causes, by effect.  ``others``:
+    errors without a name in other equations beside the first one's; ``instead``: equations in which
+    that may be as well.  ``covariates`` over which curves were tested.
     """
 
     search: Search
@@ -69,6 +71,7 @@ class SearchVerdict:
     forms: Mapping[str, TestedForm] = field(default_factory=dict)
     others: Sequence[Sequence[Curve]] = ()
     instead: Sequence[str] = ()
+    covariates: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -85,16 +88,18 @@ class SearchVerdict:
 
 def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> SearchVerdict:
     """Search, and decide what is established; ``other``: drives that may reject doubtful causes."""
-    errors = _residual_errors(search, search.null)
-    if _significant(errors) and (moved := model_in_alternative_mode(search)) is not None:
-        search, errors = moved, _residual_errors(moved, moved.null)
+    errors = list[Curve]()
+    if not search.clear:  # a clear cause is asked for other modes itself
+        errors = errors_without_causes(search)
+        if _significant(errors) and (moved := model_in_alternative_mode(search)) is not None:
+            search, errors = moved, errors_without_causes(moved)
     search = run(search, progress)
     for _ in range(MOST):  # a mode that was left must not be entered for ever
         search, moves = cause_in_alternative_mode(search)
         if not moves:
             break
         search = run(search, progress)
-        errors = _residual_errors(search, search.null)
+        errors = []
     search, dropped = backward_eliminated(search, other) if other else (search, {})
     search, spreads = refine(search)
     for _ in range(MOST):
@@ -110,7 +115,8 @@ def _verdict(
     errors: Sequence[Curve],
     dropped: Mapping[str, float],
 ) -> SearchVerdict:
-    """Of a search that has ended; ``errors`` of the model without a cause.
+    """Of a search that has ended; ``errors`` of the model without a cause, none where these were
+    not asked for, as a cause was clear.
 
     A curve must explain more than the ``dropped`` causes did, by more than its freedom: what
     held-out drives deny as a cause is no error without a name either.
@@ -122,10 +128,15 @@ def _verdict(
         tied = [search.released(h).bare for h in tied]
         best = search.released(best)
         remaining = _residual_errors(search, best)
+    elif not errors:
+        errors = remaining = errors_without_causes(search)
     denied = sum(dropped.values())
     unnamed = _significant(remaining) and remaining[0].worth > denied
-    p = errors[0].p_value if errors else 1.0
     forms, unnamed = _by_forms(search, best, unnamed)
+    if best.causes:
+        own = () if unnamed else _alone_in(best, forms, remaining)
+        errors = errors_without_causes(search, own)
+    p = errors[0].p_value if errors else 1.0
     unnamed, errors, (found, instead) = _unnamed_errors(
         search, best, forms, errors, unnamed, denied
     )
@@ -146,7 +157,20 @@ def _verdict(
         forms,
         found[1:],
         instead,
+        frozenset(curve.covariate for curve in (*remaining, *errors)),
     )
+
+
+def _alone_in(
+    best: CauseSet, forms: Mapping[str, TestedForm], remaining: Sequence[Curve]
+) -> tuple[str, ...]:
+    """The equation of a single cause, where its form holds and no curve explains clearly more than
+    it does: by itself none explains more than beside the cause and the cause together.  None
+    else."""
+    refuted = any(tested.form.refuted for tested in forms.values())
+    if len(best.causes) > 1 or refuted or _most_worth(remaining) > CLOSE:
+        return ()
+    return tuple(cause.effect.equation for cause in best.causes)
 
 
 def _unnamed_errors(
@@ -163,7 +187,6 @@ def _unnamed_errors(
     refuted = [effect for effect in best.effects if forms[effect].form.refuted]
     explained, count = search.null.cost - best.cost + denied, len(best.causes)
     if count > 1 or len(refuted) < len(forms):  # a curve may explain as much as several, or more
-        errors = _residual_errors(search, search.null)  # by the noise of the best
         unnamed = unnamed or _better_as_curve(explained, count, errors)
     place = None
     if not unnamed and (count > 1 or refuted):
@@ -220,8 +243,12 @@ def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> 
     """Whether one curve of the ``errors`` without a cause explains clearly more than one cause
     did, as much as two, or nearly as much as three, each chosen among many; ``explained``:
     2 Δ ln L."""
-    most = max((curve.worth for curve in errors), default=0.0)
-    return most > explained + CLOSE * (2 - causes)
+    return _most_worth(errors) > explained + CLOSE * (2 - causes)
+
+
+def _most_worth(errors: Sequence[Curve]) -> float:
+    """Of the curve that improves the fit most, 2 Δ ln L."""
+    return max((curve.worth for curve in errors), default=0.0)
 
 
 def _by_forms(search: Search, best: CauseSet, unnamed: bool) -> tuple[dict[str, TestedForm], bool]:
@@ -331,8 +358,18 @@ def _beside_less_discrepancies(search: Search) -> list[Curve]:
     return sorted(best.values(), key=lambda curve: -curve.evidence)
 
 
-def _residual_errors(search: Search, h: CauseSet, beside: Nuisances | None = None) -> list[Curve]:
+def errors_without_causes(search: Search, equations: Collection[str] = ()) -> list[Curve]:
+    """Errors of the model without a cause, in these ``equations`` alone where some are given."""
+    return _residual_errors(search, search.null, equations=equations)
+
+
+def _residual_errors(
+    search: Search,
+    h: CauseSet,
+    beside: Nuisances | None = None,
+    equations: Collection[str] = (),
+) -> list[Curve]:
     """Errors that neither nuisances nor the causes of a set explain; or those ``beside``."""
     fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
     beside = beside or Nuisances(fit, search.free(h.causes), search.objective.prior)
-    return curves(search.objective, fit, beside, seed=3)
+    return curves(search.objective, fit, beside, 3, equations)

@@ -16,4 +16,4 @@ def concurrently(
     ``unknowns``."""
     give_back()  # of an hour, what is free in between is 100 MiB
     readings = sum(len(drive.readings.t) for drive in problem.drives)
-    return shared(fit, tasks, fits_at_once(readings * unknowns))
+    return shared(fit, tasks, fits_at_once(readings * unknowns, problem.entries))

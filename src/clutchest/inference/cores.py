@@ -17,7 +17,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 MOST = 4  # threads: beyond, what holds the interpreter decides
-ENTRIES = 4.5e6  # of derivatives that fits may hold together: of an hour, one at a time
+ENTRIES = 9e6  # of derivatives that a problem and its fits may hold together
 FEWEST = 4000  # events of a run that is worth two threads
 _thread = threading.local()  # ``shares``: whether it is one of several that share work
 
@@ -25,8 +25,10 @@ _thread = threading.local()  # ``shares``: whether it is one of several that sha
 def shared(
     function: Callable[[Task], Result], tasks: Iterable[Task], most: int = MOST
 ) -> list[Result]:
-    """``function`` of every task, in the order of the tasks, ``most`` at once."""
-    if (count := min(cores(), most)) == 1 or getattr(_thread, "shares", False):
+    """``function`` of every task, in the order of the tasks, ``most`` at once; a single one may
+    share its own work."""
+    tasks = list(tasks)
+    if (count := min(cores(), most, len(tasks))) <= 1 or getattr(_thread, "shares", False):
         return [function(task) for task in tasks]
     with ThreadPoolExecutor(count, initializer=_mark) as pool:
         return list(pool.map(function, tasks))
@@ -36,9 +38,10 @@ def _mark() -> None:
     _thread.shares = True
 
 
-def fits_at_once(entries: int) -> int:
-    """How many fits may run at the same time that hold so many ``entries`` of derivatives each."""
-    return min(cores(), max(int(ENTRIES / max(entries, 1)), 1))
+def fits_at_once(entries: int, held: int) -> int:
+    """How many fits may run at the same time that hold so many ``entries`` of derivatives each,
+    beside what is ``held`` anyway."""
+    return min(cores(), max(int((ENTRIES - held) / max(entries, 1)), 1))
 
 
 def halved(events: int) -> bool:

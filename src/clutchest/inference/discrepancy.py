@@ -54,7 +54,8 @@ def directions_of(
         scatter /= drive.readings.std[:, None]
         return main_directions(scatter)
 
-    return shared(directions, discrepancies, fits_at_once(WIDE * len(drive.line.t)))
+    each = WIDE * len(drive.line.t)
+    return shared(directions, discrepancies, fits_at_once(each, each))
 
 
 def scattering(

@@ -182,6 +182,12 @@ class Problem:
         """Indices of the gains of candidate effects."""
         return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
 
+    @property
+    def entries(self) -> int:
+        """How many derivatives of readings, by unknowns and noise of inputs, are held at a time."""
+        each = (drive.readings for drive in self.drives)
+        return sum(len(r.t) * (len(self.thetas) + r.input_noise.shape[1]) for r in each)
+
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
         return next(i for i, t in enumerate(self.thetas) if str(t) == name)

@@ -97,13 +97,27 @@ class Expressions:
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
-        of_moment = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
-        at = ca.Function("along", [self.x, self.u, self.w], of_moment)
+        (of_moment,) = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
+        at = ca.Function("along", [self.x, self.u, self.w], [ca.densify(of_moment)])
         values = np.empty((wanted.numel(), len(x)))
         for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
             some = slice(begin, begin + BLOCK)
-            values[:, some] = at(x[some].T, u[some].T, w[some].T)
+            values[:, some] = _each(at, x[some], u[some], w[some]).T
         return values
+
+
+def _each(function: ca.Function, *arguments: Floats) -> Floats:
+    """The value (K, k) of a function of vectors for every row of its ``arguments`` (K, …), in
+    memory as it is: CasADi's own matrices take several times as long to make as it does."""
+    given = [np.ascontiguousarray(each, np.float64) for each in arguments]
+    values = np.empty((len(given[0]), function.numel_out(0)))
+    buffer: Any  # CasADi's hints leave memory views out
+    buffer, evaluate = function.map(len(values)).buffer()
+    for i, each in enumerate(given):
+        buffer.set_arg(i, each.data)
+    buffer.set_res(0, values.data)
+    evaluate()
+    return values
 
 
 @dataclass(frozen=True)
