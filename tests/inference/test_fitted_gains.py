@@ -27,9 +27,13 @@ def _innovations(problem: Problem, theta: np.ndarray) -> np.ndarray:
 
 def test_a_machine_of_which_nothing_is_tracked_throughout_is_left_as_it_is():
     truck = clutchest.load_vehicle("truck")
-    problem = Problem.of(clutchest.simulate(truck, "launches", 1, duration=30.0), truck, ())
-    assert with_fitted_gains(problem) is problem
-    assert not problem.near.any()
+    given = clutchest.simulate(truck, "launches", 1, duration=30.0), truck, ()
+    problem, fitted = Problem.of(*given), with_fitted_gains(Problem.of(*given, input_noise=False))
+    assert not fitted.near.any() and not fitted.begin.any()
+    (known,), (own,) = problem.drives, fitted.drives
+    assert known.readings.input_noise.any()
+    np.testing.assert_array_equal(own.readings.input_noise, known.readings.input_noise)
+    np.testing.assert_array_equal(own.gains.gain, known.gains.gain)
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def blocks_of(
     before alone.  Gains are 0 at the operating point but for those ``present``: index among the
     thetas → initial size, in units, of the fit.
     """
-    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, progress))
+    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, progress, input_noise=False))
     readings = problem.drives[0].readings
     thetas = problem.thetas
     if not len(readings.t):

@@ -144,9 +144,8 @@ class _Task:
 
     def problem(self, signals: Signals) -> Problem:
         """Some drives, and all that is unknown of them."""
-        drives = segmented(signals, self.vehicle)
-        problem = Problem.of(drives, self.vehicle, self.effects, self.progress, discrepant=True)
-        problem = with_fitted_gains(problem)
+        given = segmented(signals, self.vehicle), self.vehicle, self.effects, self.progress
+        problem = with_fitted_gains(Problem.of(*given, discrepant=True, input_noise=False))
         give_back()  # of an hour, preparing it took 200 MiB for a moment
         return problem
 

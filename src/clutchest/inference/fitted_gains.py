@@ -24,10 +24,11 @@ FAR = 6.0  # standard deviations of its spread, that no number is off from one p
 
 
 def with_fitted_gains(problem: Problem) -> Problem:
-    """The problem with states tracked by the gains at its most probable numbers without a cause;
-    as it is where none are tracked throughout."""
+    """The problem with states tracked by the gains at its most probable numbers without a cause, by
+    those at the file's where none are tracked throughout; with what noise of the inputs does
+    there."""
     if not problem.compiled.model.tracked:
-        return problem
+        return problem.with_input_noise_at(problem.near)
     near, far = problem.near, None
     for share in PARTS:
         part = problem.until(share)

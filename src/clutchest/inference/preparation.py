@@ -50,7 +50,8 @@ LEAST = 0.01  # standard deviations per unit; readings that respond less to ever
 def prepared(
     signals: Signals, vehicle: Vehicle, compiled: Compiled, units: Floats
 ) -> PreparedDrive:
-    """One drive; ``units`` (m) of the compiled model's thetas, without the inputs' noise."""
+    """One drive, its inputs without their noise; what this does to the readings is not known yet.
+    ``units`` (m) of the compiled model's thetas."""
     model, signals = compiled.model, evenly_late(signals, vehicle)
     which = np.array([state.name in model.followed for state in model.states])
     whole = _timeline(signals, vehicle, model, which)
@@ -80,8 +81,7 @@ def prepared(
     by = Derivatives.of(drive, len(units))
     response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)), by)
     drive = replace(drive, gains=gains, at_nominal=response.implied)
-    drive = replace(drive, readings=_readings(drive, by.table, units, signals, vehicle))
-    return with_input_noise_at(drive, at_file(drive), vehicle)
+    return replace(drive, readings=_readings(drive, by.table, units, signals, vehicle))
 
 
 def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers) -> PreparedDrive:

@@ -82,10 +82,12 @@ class Problem:
         progress: Progress | None = None,
         *,
         discrepant: bool = False,
+        input_noise: bool = True,
     ) -> Problem:
         """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
         wander, effects act, and equations with an error term among the effects are off, as far as
-        they may in a healthy vehicle, and no number is off by more than :data:`FURTHEST`."""
+        they may in a healthy vehicle, and no number is off by more than :data:`FURTHEST`.  What
+        ``input_noise`` does is known at the file's numbers, or not yet."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = _counting_in_full(vehicle.machine.to_fit(usable))
@@ -119,7 +121,7 @@ class Problem:
             *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
-        return cls(
+        problem = cls(
             vehicle,
             compiled,
             {name: e for name, e in sought.items() if name not in parts},
@@ -134,13 +136,13 @@ class Problem:
             np.zeros(len(thetas)),
             np.zeros(len(thetas)),
         )
+        return problem.with_input_noise_at(problem.near) if input_noise else problem
 
     def with_gains_at(self, theta: Floats) -> Problem:
         """The same with states tracked by the gains that the filter has at ``theta`` (m); what
         noise of the inputs does to the readings stays as it was."""
-        drives = tuple(
-            with_gains_at(drive, self.numbers(theta, {}, i)) for i, drive in enumerate(self.drives)
-        )
+        numbered = enumerate(self.drives)
+        drives = tuple(with_gains_at(drive, self.numbers(theta, {}, i)) for i, drive in numbered)
         return replace(self, drives=drives, near=theta)
 
     def with_input_noise_at(self, theta: Floats) -> Problem:

@@ -50,7 +50,7 @@ class Quantities:
 
 
 POWER = "power"  # output of what friction turns to heat, where there is any
-BLOCK = 4096  # moments evaluated at a time
+BLOCK = 512  # moments evaluated at a time
 
 Piece = Callable[[Quantities], None]
 
@@ -99,20 +99,21 @@ class Expressions:
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
         (of_moment,) = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
         at = ca.Function("along", [self.x, self.u, self.w], [ca.densify(of_moment)])
-        values = np.empty((wanted.numel(), len(x)))
+        values, whole = np.empty((wanted.numel(), len(x))), at.map(BLOCK)
         for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
             some = slice(begin, begin + BLOCK)
-            values[:, some] = _each(at, x[some], u[some], w[some]).T
+            block = whole if len(x) - begin >= BLOCK else at.map(len(x) - begin)
+            values[:, some] = _each(block, x[some], u[some], w[some]).T
         return values
 
 
-def _each(function: ca.Function, *arguments: Floats) -> Floats:
-    """The value (K, k) of a function of vectors for every row of its ``arguments`` (K, …), in
-    memory as it is: CasADi's own matrices take several times as long to make as it does."""
+def _each(block: ca.Function, *arguments: Floats) -> Floats:
+    """The values (K, k) of a function of K vectors, the rows of its ``arguments`` (K, …), in memory
+    as it is: CasADi's own matrices take several times as long to make as it does."""
     given = [np.ascontiguousarray(each, np.float64) for each in arguments]
-    values = np.empty((len(given[0]), function.numel_out(0)))
+    values = np.empty((block.size2_out(0), block.size1_out(0)))
     buffer: Any  # CasADi's hints leave memory views out
-    buffer, evaluate = function.map(len(values)).buffer()
+    buffer, evaluate = block.buffer()
     for i, each in enumerate(given):
         buffer.set_arg(i, each.data)
     buffer.set_res(0, values.data)
