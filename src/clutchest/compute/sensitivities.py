@@ -219,13 +219,14 @@ def spread(P, F, Q, tracked, moved):
     """P ← F P Fᵀ + Q of the ``tracked`` states; of others nothing is unknown but θ."""
     for i in tracked:
         for j in tracked:
-            moved[i, j] = Q[i, j]
+            moved[i, j] = 0.0
             for k in tracked:
-                for m in tracked:
-                    moved[i, j] += F[i, k] * P[k, m] * F[j, m]
+                moved[i, j] += F[i, k] * P[k, j]
     for i in tracked:
         for j in tracked:
-            P[i, j] = moved[i, j]
+            P[i, j] = Q[i, j]
+            for k in tracked:
+                P[i, j] += moved[i, k] * F[j, k]
 
 
 @compiled
