@@ -19,7 +19,7 @@ from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, meanwhile, progress
 
 LONG = 1200.0  # s of logs: discovery of longer ones needs the memory that writing takes
-WRITERS = "clutchest.record.form_picture", "clutchest.record.discovery_recording"
+WRITERS = "scipy.optimize", "clutchest.record.form_picture", "clutchest.record.discovery_recording"
 
 EffectsFiles = Annotated[
     list[Path] | None,

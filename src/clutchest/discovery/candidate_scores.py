@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.inference.cores import shared
 from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
-from clutchest.inference.objective import SAME, Objective
+from clutchest.inference.objective import NO_SHAPES, SAME, Objective
 from clutchest.inference.score_test import ScoreTest, score_test
 from clutchest.inference.unknowns import Shapes
 from clutchest.inference.white_linearisation import Linearisation
@@ -18,31 +18,42 @@ from clutchest.signals import Floats
 
 
 def columns(objective: Objective, fit: Linearisation, wanted: Sequence[CandidateCause]) -> Floats:
-    """Derivatives (K, C) of the innovations by each candidate's gain at a fit."""
+    """Derivatives (K, C) of the innovations by each candidate's gain at a fit with all of them."""
     derivatives = np.zeros((len(fit.r), len(wanted)))
-    plain = [i for i, c in enumerate(wanted) if not c.shapes]
-    derivatives[:, plain] = fit.by(np.array([wanted[i].index for i in plain], np.int64))
 
     def put(together: tuple[list[int], Shapes]) -> None:
         """Derivatives by what one linearisation serves, at its shapes."""
         some, shapes = together
-        active = np.array([wanted[i].index for i in some])
-        shaped = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}, active)
-        derivatives[:, some] = shaped.by(active)
+        active = np.array([wanted[i].index for i in some], np.int64)
+        at = objective.relinearise(fit, fit.theta, shapes, active) if shapes else fit
+        derivatives[:, some] = at.by(active)
 
-    shared(put, by_shapes(wanted))
+    shared(put, by_shapes(fit, wanted))
     return derivatives
 
 
-def by_shapes(wanted: Sequence[CandidateCause]) -> Iterator[tuple[list[int], Shapes]]:
-    """Indices of those of the ``wanted`` that have shapes, and these: one value of every effect's
-    at a time."""
-    rest = [i for i, c in enumerate(wanted) if c.shapes]
+def by_shapes(
+    fit: Linearisation, wanted: Sequence[CandidateCause]
+) -> Iterator[tuple[list[int], Shapes]]:
+    """Indices of those of the ``wanted`` that one linearisation serves, and its shapes: first of
+    those whose shapes are what their effects have in a ``fit``, which is ``NO_SHAPES``; then one
+    value of every effect's at a time."""
+    plain = [i for i, c in enumerate(wanted) if _as_in(fit, c)]
+    yield plain, NO_SHAPES
+    rest = [i for i in range(len(wanted)) if i not in plain]
     while rest:
         now = {wanted[i].name: i for i in reversed(rest)}
         some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
-        yield some, settings(tuple(wanted[i] for i in now.values()))
+        yield some, {**settings(tuple(wanted[i] for i in now.values())), **fit.shapes}
         rest = [i for i in rest if i not in some]
+
+
+def _as_in(fit: Linearisation, cause: CandidateCause) -> bool:
+    """Whether the shapes of a cause, if there are any, are those that its effect has in a fit."""
+    default = {number.key: number.default for number in cause.effect.parameters}
+    return all(
+        (cause.name, key) in fit.shapes or value == default[key] for key, value in cause.shapes
+    )
 
 
 def scored(

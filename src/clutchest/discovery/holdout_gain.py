@@ -14,6 +14,7 @@ from clutchest.discovery.result import Gain
 from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
 from clutchest.inference.concurrent_fits import concurrently
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import (
     brought_near,
     improve,
@@ -95,16 +96,19 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
     predictions, starts = list[HeldOutPrediction](), _starts(problem)
     for causes in (search.null, best):
         fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes).as_measured
-        free = search.free(causes.causes)
+        free, by_starts = search.free(causes.causes), objective.whitened(fit, starts).by_active
 
-        def predicted(k: int, fit: Linearisation = fit, free: Indices = free) -> HeldOutPrediction:
+        def predicted(
+            k: int, fit: Linearisation = fit, free: Indices = free, by_starts: Floats = by_starts
+        ) -> HeldOutPrediction:
             """The k-th part, from the rest of the log."""
             rest = objective.without(part == k)
             white = rest.whitened(fit, free)
             rest = rest.with_span([white.by_active])
             at = improve(rest, rest.judged(white), free, derivatives=False).as_point
             del white, rest  # before others are made
-            begin = objective.relinearise(at, at.theta, active=starts)
+            at = objective.relinearise(at, at.theta, active=NO_DERIVATIVES)
+            begin = replace(at, by_active=by_starts, active=starts)  # it is not far from the fit
             held_out = improve(objective, begin, starts, derivatives=False)
             return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
 

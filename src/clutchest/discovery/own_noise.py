@@ -23,7 +23,7 @@ from clutchest.inference.estimated_noise import LONGEST
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import TURNS, improve, settle, step
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.objective import FAR, NO_SHAPES, Objective
+from clutchest.inference.objective import FAR, Objective
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
@@ -104,9 +104,8 @@ def _likely_by_first_order(search: Search, objective: Objective) -> list[Candida
 
     without, likely = after(fit, free), [c for c in search.candidates if c.gain.trials]
     rest = [c for c in search.candidates if not c.gain.trials]
-    plain = [i for i, c in enumerate(rest) if not c.shapes]
-    for some, shapes in ((plain, NO_SHAPES), *by_shapes(rest)):
-        at = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}) if shapes else fit
+    for some, shapes in by_shapes(fit, rest):
+        at = objective.relinearise(fit, fit.theta, shapes) if shapes else fit
         likely += [
             rest[i] for i in some if without - after(at, np.append(free, rest[i].index)) >= LIKELY
         ]

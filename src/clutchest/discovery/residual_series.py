@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.noise_model import Stretches
@@ -126,6 +125,8 @@ def likeliest_variance(innovation: Floats, white: Floats, predicted: Floats) -> 
 
     if np.allclose(white, predicted) or not innovation.any():
         return white
+    from scipy.optimize import minimize_scalar  # takes a tenth of a second, and is asked for last
+
     share = minimize_scalar(cost, bounds=(0.0, 1.0), method="bounded").x
     return np.asarray(white + share * (predicted - white))
 
