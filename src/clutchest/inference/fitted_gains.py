@@ -21,6 +21,7 @@ from clutchest.signals import Floats
 
 PARTS = (0.0625, 0.25, 0.5, 1.0)  # of a drive's time, fitted one after the other: errors sum up
 FAR = 6.0  # standard deviations of its spread, that no number is off from one part to the next
+ALIKE = 1.0  # the same: gains at numbers that are less off are as good
 
 
 def with_fitted_gains(problem: Problem) -> Problem:
@@ -31,25 +32,32 @@ def with_fitted_gains(problem: Problem) -> Problem:
         return problem.with_input_noise_at(problem.near)
     near, far = problem.near, None
     for share in PARTS:
-        part = problem.until(share)
+        whole = problem if share == 1.0 else problem.until(share)
+        part = _tracked(whole, near)
         fit, told = _fitted(part, near), False
         if not np.isfinite(fit.cost):  # where numbers of a shorter part run away
-            near, far = problem.near, None
+            near, far, part = problem.near, None, whole
             fit = _fitted(part, near)
-        if far is not None and _cost(other := _fitted(part, far)) <= _cost(fit):
-            fit, told = other, True
+        if far is not None:
+            beyond = _tracked(whole, far)
+            if _cost(other := _fitted(beyond, far)) <= _cost(fit):
+                part, fit, told = beyond, other, True
         if told or np.all(np.abs(fit.theta - near)[problem.nuisances] < FAR):
             near, far = fit.theta, None
         else:
             far = fit.theta
-    return replace(problem.with_gains_at(near).with_input_noise_at(near), begin=fit.theta)
+    if np.any(np.abs(near - part.near)[problem.nuisances] > ALIKE):
+        part = problem.with_gains_at(near)
+    return replace(part.with_input_noise_at(near), begin=fit.theta)
+
+
+def _tracked(part: Problem, near: Floats) -> Problem:
+    """A part of the time with states tracked by the gains at numbers ``near`` (m)."""
+    return part.with_gains_at(near) if near.any() else part
 
 
 def _fitted(part: Problem, begin: Floats) -> Linearisation:
-    """The most probable numbers of a part, tracked by the gains at numbers ``begin`` (m), from
-    which the fit sets out."""
-    if begin.any():
-        part = part.with_gains_at(begin)
+    """The most probable numbers of a part, from ``begin`` (m) on."""
     objective, free = Objective.of(part), part.nuisances
     with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
         begun = cooled(objective, objective.linearise_at(begin, active=free), free)
