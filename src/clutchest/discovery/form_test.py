@@ -25,7 +25,6 @@ from clutchest.discovery.residual_curves import (
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import CLOSE, Search
-from clutchest.inference.cores import shared
 from clutchest.inference.covariates import hats
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
@@ -88,7 +87,11 @@ def _tested(
         return TestedForm(Form(None, "nothing that may drive it varies in this log"))
     for cause, term in {d.cause: d.term for d in drivers if d.term}.items():
         beside = beside.also(term.off[:, None], abs(float(at.fit.theta[cause.index])))
-    deviations = shared(lambda driver: _deviation(at, beside, driver.table), drivers)
+    deviations = [
+        _deviation(at, beside, derivatives[:, columns])
+        for derivatives, some in at.derivatives([driver.table for driver in drivers])
+        for _, columns in some
+    ]
     least = min(range(len(drivers)), key=lambda i: deviations[i].p_value)
     driver, found = drivers[least], deviations[least]
     tests = sum(each.freedom > 0 for each in deviations)
@@ -126,9 +129,8 @@ def _of_delay(at: CurvesAt, driver: _Driver) -> CandidateCurve | None:
     return None
 
 
-def _deviation(at: CurvesAt, beside: Nuisances, table: CandidateCurve) -> FormDeviation:
-    """What the data want over one driver beside the effect."""
-    ((columns, _),) = at.derivatives([table])
+def _deviation(at: CurvesAt, beside: Nuisances, columns: Floats) -> FormDeviation:
+    """What the data want over one driver, by derivatives ``columns`` (K, c), beside the effect."""
     gram = columns.T @ columns
     of = Projection.of(beside.at, beside.free, beside.prior).out_of(columns)
     blocks = noise_blocks(at.problem)

@@ -13,12 +13,12 @@ from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.signals import Floats
 
-KEPT = 4  # a fit asks twice where its numbers put the inputs, then for derivatives there
+HELD = 9e6  # numbers that kept runs hold: of an hour, derivatives once
 PATHS = 8  # a cause, its rivals and the model without one are come back to in turns
 ENTRIES = 6e6  # of paths that are kept: of an hour, none
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Run:
     """Innovations at these ``numbers`` and input ``corrections``, by index of the input; with
     derivatives by the ``wanted`` thetas (m)."""
@@ -27,6 +27,12 @@ class _Run:
     corrections: Mapping[int, Floats]
     wanted: NDArray[np.bool_]
     innovations: NormalisedInnovations
+
+    @property
+    def size(self) -> int:
+        """How many numbers it holds."""
+        at = self.innovations.implied
+        return self.innovations.table.size + at.states.size + at.inputs.size
 
     def serves(self, numbers: ModelNumbers, corrections: Mapping[int, Floats]) -> bool:
         """Whether it was made there."""
@@ -38,10 +44,8 @@ class _Run:
 
 
 class LastRuns:
-    """What runs of one drive gave last: a function's arguments and values, nothing else.
-
-    Of derivatives, the largest part, those of one run are kept.
-    """
+    """What runs of one drive gave last, as many as memory holds: a function's arguments and values,
+    nothing else."""
 
     def __init__(self) -> None:
         self._runs: tuple[_Run, ...] = ()
@@ -51,9 +55,10 @@ class LastRuns:
     ) -> NormalisedInnovations | None:
         """A copy of the innovations there, with derivatives by the ``wanted`` thetas (m), if these
         are known."""
-        for run in self._runs:
+        for run in reversed(self._runs):
             enough = not (wanted & ~run.wanted).any()
             if enough and run.serves(numbers, point.corrections):
+                self._last(run)
                 return run.innovations.only(np.flatnonzero(wanted))
         return None
 
@@ -65,10 +70,17 @@ class LastRuns:
         innovations: NormalisedInnovations,
     ) -> None:
         """Remember a copy of these innovations."""
-        others = [run for run in self._runs if not (wanted.any() and run.wanted.any())]
         copy = innovations.only(np.flatnonzero(wanted))
-        new = _Run(numbers, point.corrections, wanted.copy(), copy)
-        self._runs = (*others, new)[-KEPT:]
+        self._last(_Run(numbers, point.corrections, wanted.copy(), copy))
+
+    def _last(self, run: _Run) -> None:
+        """Put a run behind the others, and forget what is too much: first, the oldest of those
+        without derivatives, which take a third of the time."""
+        others = [other for other in self._runs if other is not run]
+        spare = sorted(others, key=lambda other: other.wanted.any())
+        while spare and sum(other.size for other in spare) > HELD - run.size:
+            spare.pop(0)
+        self._runs = (*(other for other in others if other in spare), run)
 
 
 class StatePath(NamedTuple):
