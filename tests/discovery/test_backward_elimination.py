@@ -115,8 +115,8 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     """Held-out drives have denied what improved the fit by 50."""
     a = SimpleNamespace(name="a", index=0)
     search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
-    curve = SimpleNamespace(worth=worth, p_value=1e-9)
-    monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
+    curve = SimpleNamespace(worth=worth, p_value=1e-9, covariate="time")
+    monkeypatch.setattr(verdict, "_residual_errors", lambda search, of, equations=(): [curve])
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
     monkeypatch.setattr(
@@ -129,6 +129,23 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]
     assert verdict._verdict(search, {}, [curve], {}).name == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("worth", "refuted", "causes", "alone"),
+    [
+        (9.0, False, 1, ("torque",)),
+        (11.0, False, 1, ()),
+        (9.0, True, 1, ()),
+        (9.0, False, 2, ()),
+    ],
+)
+def test_other_equations_are_asked_unless_they_cannot_explain_more(worth, refuted, causes, alone):
+    """Beside a single cause whose form holds, no curve improves the fit clearly."""
+    a = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
+    forms = {"a": SimpleNamespace(form=SimpleNamespace(refuted=refuted))}
+    remaining = [SimpleNamespace(worth=worth), SimpleNamespace(worth=-3.0)]
+    assert verdict._alone_in(a_set([a] * causes), forms, remaining) == alone
 
 
 @pytest.mark.parametrize(("other", "elsewhere"), [(75.0, False), (95.0, True)])

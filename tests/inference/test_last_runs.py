@@ -9,9 +9,9 @@ import pytest
 
 import clutchest
 from clutchest.inference import problem as runs
-from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.last_runs import ENTRIES, LastPaths, StatePath
-from clutchest.inference.operating_point import ModelNumbers
+from clutchest.inference.innovations import NO_DERIVATIVES, NormalisedInnovations
+from clutchest.inference.last_runs import ENTRIES, HELD, LastPaths, LastRuns, StatePath
+from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.problem import Problem
 
 RIG = clutchest.load_vehicle("alsd_rig")
@@ -96,3 +96,40 @@ def test_paths_that_would_fill_memory_are_not_kept():
     paths.keep(numbers, StatePath(np.zeros((2, 1)), np.zeros((1, 1))))
     assert paths.at(numbers) is not None
     assert paths.at(numbers._replace(first=np.ones(1))) is None
+
+
+def _kept(runs: LastRuns, share: float, first: float, *, derivatives: bool) -> None:
+    """Keep a run that holds a ``share`` of what may be held, at a ``first`` number of its own."""
+    rows = int(share * HELD) // (1 + derivatives)
+    table = np.broadcast_to(first, (rows, 1 + derivatives))
+    innovations = NormalisedInnovations(table, 1, POINT, None if derivatives else NO_DERIVATIVES)
+    runs.keep(_at(first), POINT, np.array([derivatives]), innovations)
+
+
+def _known(runs: LastRuns, first: float, *, derivatives: bool) -> bool:
+    return runs.at(_at(first), POINT, np.array([derivatives])) is not None
+
+
+def _at(first: float) -> ModelNumbers:
+    return ModelNumbers(np.zeros(1), np.zeros(1), np.array([first]), {})
+
+
+POINT = OperatingPoint(np.zeros((0, 1)), np.zeros((0, 1)), {})
+
+
+def test_what_is_kept_is_no_more_than_memory_holds():
+    """The run that was asked for last stays, and those with derivatives stay longest."""
+    runs = LastRuns()
+    _kept(runs, 0.4, 1.0, derivatives=True)
+    _kept(runs, 0.2, 2.0, derivatives=False)
+    _kept(runs, 0.2, 3.0, derivatives=False)
+    assert all(_known(runs, first, derivatives=False) for first in (1.0, 2.0, 3.0))
+    _kept(runs, 0.3, 4.0, derivatives=True)
+    assert _known(runs, 1.0, derivatives=True) and _known(runs, 4.0, derivatives=True)
+    assert not _known(runs, 2.0, derivatives=False) and _known(runs, 3.0, derivatives=False)
+    assert _known(runs, 1.0, derivatives=True)
+    _kept(runs, 0.4, 5.0, derivatives=True)
+    assert not _known(runs, 4.0, derivatives=False) and _known(runs, 1.0, derivatives=True)
+    _kept(runs, 1.5, 6.0, derivatives=False)
+    assert _known(runs, 6.0, derivatives=False)
+    assert not any(_known(runs, first, derivatives=False) for first in range(1, 6))
