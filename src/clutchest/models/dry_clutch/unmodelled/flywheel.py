@@ -45,8 +45,9 @@ class Flywheel(Effect):
         def expansion(expansion: Any, q: Any) -> Any:
             towards = q.coolant_temp - q.temp_body - q.flywheel_behind
             hotter = g.slip * q.plate_by_slip + g.coolant * share(q) * towards
-            capped = q.temp_disc - q.temp_body > q.disc_body_temp_cap
-            return expansion + hotter * (q.expansion_body - ca.if_else(capped, 0, q.expansion_disc))
+            to_disc, cap = q.temp_disc - q.temp_body, q.disc_body_temp_cap
+            capped = ca.fmin(to_disc - hotter, cap) - ca.fmin(to_disc, cap)
+            return expansion + q.expansion_body * hotter + q.expansion_disc * capped
 
         def body_heat(heat: Any, q: Any) -> Any:
             colder = g.slip * q.plate_by_slip - g.coolant * share(q) * q.flywheel_behind
