@@ -15,7 +15,7 @@ from clutchest.errors import ClutchestError
 from clutchest.generator import Channel, DriveRequest, Sampled, alsd
 from clutchest.generator.alsd import plant
 from clutchest.generator.alsd.effects import EFFECTS, numbers
-from clutchest.generator.alsd.generate import run
+from clutchest.generator.alsd.generate import draw, run
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, RPM
 from clutchest.generator.effects import complete
 from clutchest.models import machine_of
@@ -348,3 +348,11 @@ def test_it_knows_the_effects_of_the_models_library() -> None:
     for name, effect in known.items():
         assert set(EFFECTS[name].parameters) == {n.key for n in effect.parameters}
         assert EFFECTS[name].one_sided == all(n.one_sided for n in effect.gains)
+
+
+def test_what_sticks_holds_as_much_as_what_slides_in_every_specimen():
+    """The two spreads know nothing of each other: drawn alone, one in forty would not."""
+    spreads = {key: value.spread for key, value in load_vehicle("alsd_rig").parameters.items()}
+    drawn = [draw(rig(), spreads, seed) for seed in range(400)]
+    over = [each["motor_static_torque"] - each["motor_coulomb_torque"] for each in drawn]
+    assert min(over) == 0.0 and np.median(over) > 0.0

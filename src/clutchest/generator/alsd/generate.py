@@ -102,7 +102,8 @@ def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
     for key, (low, high) in RANGES.items():
         value = parameters[key] + spreads.get(key, 0.0) * rng.standard_normal()
         drawn[key] = float(np.clip(value, low, high))
-    return drawn
+    sliding = drawn["motor_coulomb_torque"]  # what sticks holds at least as much
+    return drawn | {"motor_static_torque": max(drawn["motor_static_torque"], sliding)}
 
 
 def run(
