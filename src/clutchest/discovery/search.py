@@ -18,7 +18,7 @@ from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import improve, settle
+from clutchest.inference.map_fit import WALL, improve, settle
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest
@@ -317,7 +317,9 @@ def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Searc
     null = CauseSet((), improve(objective, fit, free, derivatives=False).bare)
     del fit  # room for those of the others
     search = replace(search, objective=objective)
-    null = min(null, search.likeliest((), [best.fit]), key=cost_of)
+    near = search.fitted_near((), best.fit)
+    if near.cost < WALL * null.cost:  # from so high up a wall, nothing leads on
+        null = min(null, search.continued(near).bare, key=cost_of)
     search = replace(search, null=null, best=null)
     refit = concurrently(
         search.problem, len(free) + 1, lambda h: search.likeliest(h.causes, [h.fit]), grown
