@@ -17,6 +17,7 @@ from clutchest.cli.options import (
 )
 from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, meanwhile, progress
+from clutchest.progress import Progress
 
 LONG = 1200.0  # s of logs: discovery of longer ones needs the memory that writing takes
 WRITERS = "scipy.optimize", "clutchest.record.form_picture", "clutchest.record.discovery_recording"
@@ -70,19 +71,13 @@ def discover(
         from clutchest.discovery.discover import discover as search
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
 
-        writers = [*WRITERS] if sum(drive.end for drive in signals.drives) < LONG else []
-
-        def searching(text: str, share: float | None) -> None:
-            show(text, share)
-            meanwhile(*writers)  # not earlier: two threads of Python take turns
-            writers.clear()
-
+        long = sum(drive.end for drive in signals.drives) > LONG
         discovery = search(
             signals,
             car,
             holdout=held_out,
             effects_files=tuple(effects or ()),
-            progress=searching,
+            progress=show if long else _and_load_writers(show),
             on_identifiability=None if as_json else lambda i: print_identifiable(i, Console()),
         )
         show("writing", None)
@@ -96,3 +91,17 @@ def discover(
         out,
         names,
     )
+
+
+def _and_load_writers(show: Progress) -> Progress:
+    """``show``, and what writes is loaded when there is something to show: earlier, two threads of
+    Python would take turns."""
+    writers = [*WRITERS]
+
+    def shown(text: str, share: float | None) -> None:
+        show(text, share)
+        if writers:
+            meanwhile(*writers)
+            writers.clear()
+
+    return shown

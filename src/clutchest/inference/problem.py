@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from clutchest.compute import build
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
 from clutchest.inference.discrepancy import Discrepancy, directions_of
+from clutchest.inference.healthy import healthy_parts, healthy_stds, unmodelled
 from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Derivatives, Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared, with_gains_at, with_input_noise_at
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.inference.smooth_errors import acting
+from clutchest.inference.smooth_errors import acting_by
 from clutchest.inference.unknowns import (
     HealthyPart,
     InitialState,
@@ -35,7 +36,7 @@ from clutchest.native import compiled
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
-from clutchest.vehicle.state_uncertainty import prior_std, wander
+from clutchest.vehicle.state_uncertainty import wander
 from clutchest.vehicle.vehicle import TIMING
 
 FURTHEST = 10.0  # standard deviations that are stated, by which a number may be off in discovery
@@ -84,17 +85,16 @@ class Problem:
         discrepant: bool = False,
         input_noise: bool = True,
     ) -> Problem:
-        """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
-        wander, effects act, and equations with an error term among the effects are off, as far as
-        they may in a healthy vehicle, and no number is off by more than :data:`FURTHEST`.  What
-        ``input_noise`` does is known at the file's numbers, or not yet."""
-        drives = signals.drives
-        usable = frozenset.intersection(*(drive.available for drive in drives))
+        """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, what
+        states, effects and equations of a healthy vehicle may be off by is allowed for, and no
+        number is off by more than :data:`FURTHEST`.  Without ``input_noise``, what this does is
+        not known yet."""
+        drives, usable = signals.drives, _usable(signals)
         model = _counting_in_full(vehicle.machine.to_fit(usable))
         present = model.taking(present_effects(vehicle))
-        parts = _unmodelled(vehicle) if discrepant else {}
-        every = model.taking((*effects, *parts.values()))
-        sought = {e.name: e for e in every if e not in present}
+        parts = unmodelled(vehicle) if discrepant else {}
+        tried = model.taking((*effects, *parts.values()))
+        sought = {e.name: e for e in tried if e not in present}
         wanders = wander(vehicle, model) if discrepant else ()
         compiled = compile_model(
             vehicle,
@@ -107,20 +107,18 @@ class Problem:
             build.generate_for_fits,
         )
         known = tuple(of_compiled(compiled, sought))
-        names = {str(t) for t in known}
-        errors = (each for each in vehicle.smooth_errors if acting(each) in names)
+        errors = acting_by(map(str, known), vehicle.smooth_errors) if discrepant else ()
         shared = _shared(known, FURTHEST if discrepant else np.inf)
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
-        places = {str(t): i for i, t in enumerate(shared) if isinstance(t, UnknownGain)}
-        healthy = [h for h in vehicle.healthy if discrepant and h.std > 0.0 and h.gain in places]
+        healthy = healthy_parts(vehicle, shared) if discrepant else []
         thetas = (
             *shared,
             *(replace(t, drive=i) for i in range(len(drives)) for t in starts),
             *(SignalDelay(name, _delay_spread(vehicle, name)) for name in delayed.values()),
-            *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
+            *(part for part, _ in healthy),
         )
-        units = np.array([t.unit for t in (*shared, *starts)])
+        units, near = np.array([t.unit for t in (*shared, *starts)]), np.zeros(len(thetas))
         problem = cls(
             vehicle,
             compiled,
@@ -129,14 +127,14 @@ class Problem:
             thetas,
             len(shared),
             delayed,
-            (*delayed, *(places[h.gain] for h in healthy)),
+            (*delayed, *(place for _, place in healthy)),
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
             np.flatnonzero([_has_prior(t) for t in thetas]),
-            (*wanders, *(errors if discrepant else ())),
-            np.zeros(len(thetas)),
-            np.zeros(len(thetas)),
+            (*wanders, *errors),
+            near,
+            near,
         )
-        return problem.with_input_noise_at(problem.near) if input_noise else problem
+        return problem.with_input_noise_at(near) if input_noise else problem
 
     def with_gains_at(self, theta: Floats) -> Problem:
         """The same with states tracked by the gains that the filter has at ``theta`` (m); what
@@ -341,6 +339,11 @@ def in_std(table: Floats, unit: Floats, std: Floats) -> None:
             table[k, c] = table[k, c] / std[k] * unit[c]
 
 
+def _usable(signals: Signals) -> frozenset[str]:
+    """The signals that every drive has."""
+    return frozenset.intersection(*(drive.available for drive in signals.drives))
+
+
 def _counting_in_full(model: Model) -> Model:
     """The model with readings that count in full: Gauss–Newton steps take care of what a first
     order lacks."""
@@ -378,22 +381,3 @@ def _delay_spread(vehicle: Vehicle, signal: str) -> float:
     """s, standard deviation of a signal's delay around what the vehicle file states."""
     stated = vehicle.signals.get(signal)
     return stated.delay_spread if stated else TIMING
-
-
-def _unmodelled(vehicle: Vehicle) -> dict[str, Effect]:
-    """The parts that the equations leave out and a healthy vehicle has, by name."""
-    acting = {gain.effect for gain in vehicle.healthy if gain.std > 0.0}
-    return {name: e for name, e in vehicle.machine.unmodelled.items() if name in acting}
-
-
-def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
-    """State → how far its first value may lie from nominal in a healthy vehicle, where it may."""
-    stds = {}
-    for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
-        if state.name in model.followed or state.name in model.unobservable:
-            continue
-        if state.healthy_std is not None:
-            std = min(std, state.healthy_std)
-        if std > 0.0:
-            stds[state.name] = float(std)
-    return stds

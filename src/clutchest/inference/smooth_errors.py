@@ -7,6 +7,8 @@ values at knots that lie closer than it bends.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from clutchest.inference.covariates import covariates
@@ -46,6 +48,12 @@ def smooth_error(
 def acting(error: SmoothError) -> str:
     """The name of the unknown by which an error acts."""
     return f"{PREFIX}{error.error_term}.size"
+
+
+def acting_by(known: Iterable[str], errors: Iterable[SmoothError]) -> list[SmoothError]:
+    """Those of the errors that act by an unknown which is ``known``, by name."""
+    names = set(known)
+    return [error for error in errors if acting(error) in names]
 
 
 def _knots(values: Floats, length: float) -> Floats:
