@@ -187,3 +187,23 @@ def test_only_a_play_drags() -> None:
     named = [(effect.name, number) for effect, number in model.numbers]
     assert [named[k] for k in result.plays] == [("position_hysteresis", "play")]
     assert DRY_CLUTCH.expressions().plays == []
+
+
+@pytest.mark.parametrize("hotter", [-40.0, 0.0, 15.0, 90.0])
+def test_the_disc_expands_until_it_is_hotter_than_the_plate_by_its_cap(hotter):
+    """Flywheel and plate as two masses: the plate's own temperature counts, not the body's mean."""
+    machine, truck = machine_of("dry_clutch"), load_vehicle("truck")
+    model = machine.equations(machine.units).with_effects((machine.unmodelled["flywheel"],))
+    e = model.expressions()
+    p = {q.key: truck.parameters[q.key].value for q in model.parameters}
+    g = np.array([1.0 if key == "slip" else 0.0 for _, key in model.numbers])
+    x = np.zeros((1, len(model.states)))
+    body, over = 80.0, p["disc_body_temp_cap"] + 30.0
+    for name, value in (("temp_body", body), ("temp_disc", body + over), ("plate_by_slip", hotter)):
+        x[0, model.state(name)] = value
+    u, w = np.zeros((1, len(model.inputs))), np.zeros((1, e.w.numel()))
+    ((expansion,),) = e.along(e.quantities.expansion, x, u, w, np.array(list(p.values())), g)
+    plate = body + hotter
+    disc = min(body + over - plate, p["disc_body_temp_cap"])
+    expected = p["expansion_body"] * (plate - p["reference_temp"]) + p["expansion_disc"] * disc
+    assert expansion == pytest.approx(expected, rel=1e-9)
