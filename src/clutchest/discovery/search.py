@@ -83,9 +83,7 @@ class Search:
     @property
     def clear(self) -> bool:
         """Whether some cause is significant beyond doubt, to first order."""
-        scores = self.null_scores
-        p = scores.p_alone(scores.z)
-        return bool(len(p) and scores.p_family_wise(p.min()) < CERTAIN)
+        return self.null_scores.least_p < CERTAIN
 
     def free(self, causes: Iterable[CandidateCause]) -> NDArray[np.int64]:
         """Indices of nuisances and of the gains of ``causes``."""
@@ -266,8 +264,8 @@ def _grown(search: Search, parents: Sequence[CauseSet]) -> tuple[Search, list[Ca
     for parent in parents:
         others = [c for c in search.candidates if _may_join(c, parent)]
         scores = search.scores(parent, others, seed=2) if parent.causes else search.null_scores
-        z, p = scores.z, scores.p_alone(scores.z)
-        if not others or scores.p_family_wise(p.min()) > LEVEL:
+        z = scores.z
+        if not others or scores.least_p > LEVEL:
             continue
         begins = _distant_starts(search, parent, others, z) if (z**2).max() > STRONG else {}
         p, squares = scores.p_alone(z), np.where(scores.one_sided, np.maximum(z, 0.0), z) ** 2

@@ -139,8 +139,9 @@ class Problem:
     def with_gains_at(self, theta: Floats) -> Problem:
         """The same with states tracked by the gains that the filter has at ``theta`` (m); what
         noise of the inputs does to the readings stays as it was."""
-        numbered = enumerate(self.drives)
-        drives = tuple(with_gains_at(drive, self.numbers(theta, {}, i)) for i, drive in numbered)
+        drives = tuple(
+            with_gains_at(drive, self.numbers(theta, {}, i)) for i, drive in enumerate(self.drives)
+        )
         return replace(self, drives=drives, near=theta)
 
     def with_input_noise_at(self, theta: Floats) -> Problem:

@@ -19,10 +19,10 @@ class Flywheel(Effect):
     ``slip`` · y + ``coolant`` · s (u − z), with u = T_coolant − T_b and s = τ k_ICE2b / (m c_p)_b.
 
     y' = heat from the disc / (m c_p)_b − y/τ; z, of u what the flywheel does not show yet, has
-    z' = −T_b' − z/τ.  The coolant acts on the flywheel: until both
-    are equally warm it brings 1.3 k_ICE2b (``slip`` · y − ``coolant`` · s z) / w more.  A flywheel
-    with a share w of the heat capacity and half of the disc's heat has ``slip`` = 0.5/(1 − w) − 1
-    and ``coolant`` = −1.  The disc expands until it is hotter than the plate by its cap.
+    z' = −T_b' − z/τ.  The coolant acts on the flywheel: until both are equally warm it brings
+    1.3 k_ICE2b (``slip`` · y − ``coolant`` · s z) / w more.  A flywheel with a share w of the heat
+    capacity and half of the disc's heat has ``slip`` = 0.5/(1 − w) − 1 and ``coolant`` = −1.  The
+    disc expands until it is hotter than the plate by its cap.
     """
 
     name = "flywheel"
