@@ -9,7 +9,7 @@ explain there.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -258,20 +258,25 @@ def located(search: Search, errors: Sequence[Curve], explained: float = 0.0) -> 
         key: _best(starts if curve.evidence > least else starts[:1], curve)
         for key, curve in first.items()
     }
-    of_terms = {each.curve.error_term: each for each in sorted(done.values(), key=_evidence)}
+    of_terms = {each.curve.error_term: each for each in reversed(_sorted(done.values()))}
     likely = AS_LIKELY * max(map(_evidence, of_terms.values()))
     for term, leader in of_terms.items():
         more = [c for c in some if c.error_term == term and _key(c) not in done][:DRIVERS]
         if _evidence(leader) > likely:
             done |= {_key(curve): leader.by.from_none(curve) for curve in more}
-    leading = sorted(done.values(), key=_evidence, reverse=True)
+    # the start from which the leader of a term became the likeliest may lead another curve nowhere
+    done |= {
+        key: _from_elsewhere(starts, each)
+        for each in _finest(_sorted(done.values()))
+        if (key := _key(each.curve)) not in first
+    }
     # where data are precise, five straight pieces of the true curve are none
     finer = [
         each.by.finer(each)
-        for each in _finest(leading)
+        for each in _finest(_sorted(done.values()))
         if len(each.curve.at) < FINE and each.curve.covariate != TIME
     ]
-    leading = sorted([*leading, *finer], key=_evidence, reverse=True)
+    leading = _sorted([*done.values(), *finer])
     last = leading[-1].curve.evidence
     others = [
         replace(curve, evidence=min(curve.evidence, last))
@@ -290,6 +295,17 @@ def located(search: Search, errors: Sequence[Curve], explained: float = 0.0) -> 
 def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:
     """A curve, fitted from none on, from where it becomes the likeliest."""
     return max((fits.from_none(curve) for fits in starts), key=_evidence)
+
+
+def _from_elsewhere(starts: Sequence[_Fits], known: _Fitted) -> _Fitted:
+    """A fitted curve, or the likelier one from where it did not begin."""
+    others = [fits for fits in starts if fits is not known.by]
+    return max(known, _best(others, known.curve), key=_evidence)
+
+
+def _sorted(fitted: Iterable[_Fitted]) -> list[_Fitted]:
+    """The likeliest first."""
+    return sorted(fitted, key=_evidence, reverse=True)
 
 
 def _finest(leading: Sequence[_Fitted]) -> list[_Fitted]:
