@@ -157,9 +157,9 @@ def _cooler(
 
     move = step(objective, lin, free, heat=heat)
     for share in SHARES:
-        tried = objective.relinearise(lin, lin.theta + share * move, active=free)
+        tried = objective.relinearise(lin, lin.theta + share * move, active=NO_DERIVATIVES)
         if cost(tried) < cost(lin):
-            return tried
+            return objective.relinearise(lin, tried.theta, active=free)
     return lin
 
 
