@@ -26,6 +26,7 @@ from clutchest.discovery.residual_curves import (
     places,
 )
 from clutchest.discovery.search import Search
+from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.covariates import FINE_KNOTS, hats
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linearisation import Modulation
@@ -46,6 +47,8 @@ WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until it pays
 SETTLED = 1.0  # of −2 ln(probability): a step that gained less was the last
+
+_Key = tuple[str, str, int]  # of a curve: its error term, what it goes with, its knots
 
 
 class Located(NamedTuple):
@@ -89,7 +92,7 @@ class _Fitted(NamedTuple):
     by: _Fits
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Fits:
     """Where fits of curves ``begin``: at a model without one, of covariates as they are there, with
     these ``free`` unknowns (indices); judged by what they explain more than the ``null``."""
@@ -249,34 +252,8 @@ def located(search: Search, errors: Sequence[Curve], explained: float = 0.0) -> 
     some = [curve for curve in steady if not comes_and_goes(curve, brief)]
     if not some or max(explained, *(curve.worth for curve in some)) < LARGE:
         return Located(errors, search.objective, search.objective.white_at(theta, shapes))
-    starts = _Fits.of(search)
-    # what explains most to first order may not do so in full, nor the right error anything
-    least = AS_LIKELY * some[0].evidence
-    firsts = {curve.error_term: curve for curve in reversed(some)}.values()
-    first = {_key(c): c for c in (*some[:LEADERS], *firsts)}
-    done = {
-        key: _best(starts if curve.evidence > least else starts[:1], curve)
-        for key, curve in first.items()
-    }
-    of_terms = {each.curve.error_term: each for each in reversed(_sorted(done.values()))}
-    likely = AS_LIKELY * max(map(_evidence, of_terms.values()))
-    for term, leader in of_terms.items():
-        more = [c for c in some if c.error_term == term and _key(c) not in done][:DRIVERS]
-        if _evidence(leader) > likely:
-            done |= {_key(curve): leader.by.from_none(curve) for curve in more}
-    # the start from which the leader of a term became the likeliest may lead another curve nowhere
-    done |= {
-        key: _from_elsewhere(starts, each)
-        for each in _finest(_sorted(done.values()))
-        if (key := _key(each.curve)) not in first
-    }
-    # where data are precise, five straight pieces of the true curve are none
-    finer = [
-        each.by.finer(each)
-        for each in _finest(_sorted(done.values()))
-        if len(each.curve.at) < FINE and each.curve.covariate != TIME
-    ]
-    leading = _sorted([*done.values(), *finer])
+    leading = _fitted_in_full(search, some)
+    done = {_key(each.curve) for each in leading}
     last = leading[-1].curve.evidence
     others = [
         replace(curve, evidence=min(curve.evidence, last))
@@ -292,15 +269,57 @@ def located(search: Search, errors: Sequence[Curve], explained: float = 0.0) -> 
     return Located([*(each.curve for each in leading), *others], objective, fit, by)
 
 
-def _best(starts: Sequence[_Fits], curve: Curve) -> _Fitted:
-    """A curve, fitted from none on, from where it becomes the likeliest."""
-    return max((fits.from_none(curve) for fits in starts), key=_evidence)
+def _fitted_in_full(search: Search, some: Sequence[Curve]) -> list[_Fitted]:
+    """Of errors by first order, ``some``, those that may lead, each from none on, the likeliest
+    first."""
+    starts = _Fits.of(search)
+    # what explains most to first order may not do so in full, nor the right error anything
+    least = AS_LIKELY * some[0].evidence
+    firsts = {curve.error_term: curve for curve in reversed(some)}.values()
+    leaders = [
+        (fits, curve)
+        for curve in {_key(c): c for c in (*some[:LEADERS], *firsts)}.values()
+        for fits in starts[: 2 if curve.evidence > least else 1]
+    ]
+    done = _likeliest(_from_none(search, leaders))
+    of_terms = {each.curve.error_term: each for each in reversed(_sorted(done.values()))}
+    likely = AS_LIKELY * max(map(_evidence, of_terms.values()))
+    followers = [
+        (leader.by, curve)
+        for term, leader in of_terms.items()
+        if _evidence(leader) > likely
+        for curve in [c for c in some if c.error_term == term and _key(c) not in done][:DRIVERS]
+    ]
+    done = _likeliest([*done.values(), *_from_none(search, followers)])
+    # the start from which the leader of a term became the likeliest may lead another curve nowhere
+    known = {(fits, _key(curve)) for fits, curve in (*leaders, *followers)}
+    others = [
+        (fits, each.curve)
+        for each in _finest(_sorted(done.values()))
+        for fits in starts
+        if (fits, _key(each.curve)) not in known
+    ]
+    done = _likeliest([*done.values(), *_from_none(search, others)])
+    # where data are precise, five straight pieces of the true curve are none
+    coarse = [
+        each
+        for each in _finest(_sorted(done.values()))
+        if len(each.curve.at) < FINE and each.curve.covariate != TIME
+    ]
+    count = len(search.free(())) + FINE
+    finer = concurrently(search.problem, count, lambda each: each.by.finer(each), coarse)
+    return _sorted([*done.values(), *finer])
 
 
-def _from_elsewhere(starts: Sequence[_Fits], known: _Fitted) -> _Fitted:
-    """A fitted curve, or the likelier one from where it did not begin."""
-    others = [fits for fits in starts if fits is not known.by]
-    return max(known, _best(others, known.curve), key=_evidence)
+def _from_none(search: Search, wanted: Sequence[tuple[_Fits, Curve]]) -> list[_Fitted]:
+    """Curves, each by the fits beside it, from none on."""
+    count = len(search.free(())) + FINE
+    return concurrently(search.problem, count, lambda each: each[0].from_none(each[1]), wanted)
+
+
+def _likeliest(fitted: Iterable[_Fitted]) -> dict[_Key, _Fitted]:
+    """The likeliest fit of every curve."""
+    return {_key(each.curve): each for each in reversed(_sorted(fitted))}
 
 
 def _sorted(fitted: Iterable[_Fitted]) -> list[_Fitted]:
@@ -323,5 +342,5 @@ def _evidence(known: _Fitted) -> float:
     return known.curve.evidence
 
 
-def _key(curve: Curve) -> tuple[str, str, int]:
+def _key(curve: Curve) -> _Key:
     return curve.error_term, curve.covariate, len(curve.at)
