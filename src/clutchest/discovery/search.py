@@ -311,11 +311,14 @@ def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Searc
     best = min(grown, key=cost_of)
     objective = _judging_by(search, best)
     free = search.free(())
-    fit = objective.linearise_at(search.null.fit.theta, active=free)
-    null = CauseSet((), improve(objective, fit, free, derivatives=False).bare)
-    del fit  # room for those of the others
     search = replace(search, objective=objective)
-    near = search.fitted_near((), best.fit)
+    null, near = concurrently(
+        search.problem,
+        len(free) + 1,
+        lambda begin: search.fitted_near((), begin),
+        (search.null.fit, best.fit),
+    )
+    null = CauseSet((), null.fit.bare)
     if near.cost < WALL * null.cost:  # from so high up a wall, nothing leads on
         null = min(null, search.continued(near).bare, key=cost_of)
     search = replace(search, null=null, best=null)

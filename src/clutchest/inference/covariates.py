@@ -82,6 +82,16 @@ def covariates(
     return series
 
 
+def covariate(
+    drive: PreparedDrive, at: OperatingPoint, name: str, also: Iterable[str] = ()
+) -> Floats | None:
+    """The one of that ``name`` (K), as :func:`covariates` has it; None where the drive has none."""
+    read, _ = _series(drive, at, _without_noise(drive, at.states), also)
+    if name in read:
+        return deadband(drive.line.t, read[name], drive.tracked.act)
+    return covariates(drive, at, also).get(name)
+
+
 def measured_at_rest(drive: PreparedDrive, at: OperatingPoint) -> OperatingPoint:
     """An operating point with inputs as they are measured where equations do not act: there nothing
     implies them."""

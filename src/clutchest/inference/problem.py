@@ -209,10 +209,12 @@ class Problem:
     def blocks(self, seconds: float) -> NDArray[np.int64]:
         """The number, from 0, of the block of so many ``seconds`` of a drive in which each reading
         (K) lies; drives share none."""
-        times = [drive.readings.t for drive in self.drives]
-        places = [(np.full(len(t), i), np.floor(t / seconds)) for i, t in enumerate(times)]
-        pairs = np.concatenate([np.column_stack(place) for place in places])
-        return np.asarray(np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1))
+        blocks, count = list[NDArray[np.int64]](), 0
+        for drive in self.drives:
+            own, of = np.unique(np.floor(drive.readings.t / seconds), return_inverse=True)
+            blocks.append(count + of)
+            count += len(own)
+        return np.concatenate(blocks)
 
     def numbers(self, theta: Floats, shapes: Shapes, drive: int = 0) -> ModelNumbers:
         """Those of the equations of one drive at ``theta`` (m)."""

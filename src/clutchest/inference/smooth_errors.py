@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from clutchest.inference.covariates import covariates
+from clutchest.inference.covariates import covariate
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -32,7 +32,7 @@ def smooth_error(
     columns (K, c), each to be taken a number of times that is normal, of variance 1; none where
     the drive does not have the covariate."""
     machine = drive.compiled.machine
-    values = covariates(drive, at, machine.smooth_over).get(error.covariate)
+    values = covariate(drive, at, error.covariate, machine.smooth_over)
     if values is None:
         return np.zeros((len(drive.readings.t), 0))
     term = machine.error_terms[error.error_term]
