@@ -18,12 +18,12 @@ from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import WALL, improve, settle
+from clutchest.inference.map_fit import WALL, improve, settle, without
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest
 from clutchest.inference.sensor_ends import settled_off_ends
-from clutchest.inference.unknowns import InitialState
+from clutchest.inference.unknowns import InitialState, Shapes
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
 from clutchest.progress import Progress
@@ -96,11 +96,25 @@ class Search:
     def fitted_near(self, causes: tuple[CandidateCause, ...], begin: Linearisation) -> CauseSet:
         """The same in the mode in which ``begin`` lies, which a neighbour has found."""
         free, shapes = self.free(causes), settings(causes)
-        kept = {c.index for c in causes}
-        theta = begin.theta.copy()
-        theta[[i for i in self.problem.gains if i not in kept]] = 0.0
+        theta = self._dropped(np.setdiff1d(self.problem.gains, free), free, shapes, begin)
         there = self.objective.linearise_at(theta, shapes, free)
         return CauseSet(causes, improve(self.objective, there, free, derivatives=False))
+
+    def _dropped(
+        self, gains: NDArray[np.int64], free: NDArray[np.int64], shapes: Shapes, at: Linearisation
+    ) -> Floats:
+        """``theta`` (m) of a fit with these ``gains`` (indices) at 0, and the ``free`` ones where
+        they are, or where they are then to first order: where numbers are known precisely, what a
+        cause had led astray is far up a wall without it."""
+        theta, objective = at.theta.copy(), self.objective
+        gains = gains[theta[gains] != 0.0]
+        if not len(gains):
+            return theta
+        lin = objective.linearise_at(at.theta, at.shapes, np.append(free, gains))
+        theta[gains] = 0.0
+        places = theta, without(objective, lin, free, gains)
+        costs = [objective.linearise_at(each, shapes, NO_DERIVATIVES).cost for each in places]
+        return places[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
 
     def likeliest(
         self, causes: tuple[CandidateCause, ...], begins: Sequence[Linearisation]

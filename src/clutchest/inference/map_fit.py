@@ -306,6 +306,19 @@ def step(
     return step
 
 
+def without(
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64], gains: NDArray[np.int64]
+) -> Floats:
+    """``theta`` (m) with these ``gains`` (indices) at 0 and the ``free`` ones where they are most
+    probable then, by derivatives at a linearisation."""
+    move = np.zeros(len(lin.theta))
+    move[gains] = -lin.theta[gains]
+    bent = lin.information + np.diag(objective.prior + 1e-9)
+    slope = lin.slope(lin.r) + objective.prior * lin.theta + bent @ move
+    move[free] = solved(bent[np.ix_(free, free)], -slope[free])
+    return objective.within_bounds(lin.theta + move, free)
+
+
 def covariance(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -> Floats:
     """Of the ``free`` thetas (f), (f, f), as far as all is linear."""
     return np.asarray(np.linalg.inv(curvature(objective, lin, free)), np.float64)
