@@ -74,21 +74,24 @@ def settle(
     gains: Sequence[int] = (),
     shapes: Shapes = NO_SHAPES,
     turns: int = TURNS,
+    *,
+    fitted: bool = False,
 ) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, and ``gains`` (indices) where some are free too, others as in
     ``theta``; and an objective with the noise model of what is left: a step for the one, an
-    estimate of the other, alternately, so many ``turns`` at most.  Raises as
-    :func:`with_noise_estimated` does."""
+    estimate of the other, alternately, so many ``turns`` at most.  Where ``theta`` is ``fitted`` to
+    nearly the same, the noise is estimated first.  Raises as :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
     if np.isfinite(begin.cost) and not is_near(begin):
         # as if it were of the stated level, each digit of what is left would count
         objective = objective.in_white_noise_of(begin)
         begin = objective.relinearise(begin, begin.theta, active=free)
-    lin = improve(objective, begin, free, derivatives=False)
+    lin = begin if fitted and is_near(begin) else improve(objective, begin, free, derivatives=False)
+    del begin  # room for all derivatives
     for _ in range(turns):
         before = lin.r @ lin.r
-        objective, lin = replace(objective, span=None), lin.as_point  # room for all derivatives
+        objective, lin = replace(objective, span=None), lin.as_point
         give_back()
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])

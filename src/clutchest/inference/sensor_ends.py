@@ -35,7 +35,8 @@ Rows = NDArray[np.bool_]
 def settled_off_ends(problem: Problem) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, as :func:`~clutchest.inference.map_fit.settle` has them, of the
     readings that count by them; of all where none would."""
-    objective, fit = settle(Objective.of(problem), problem.begin)
+    fitted = bool(problem.begin.any())
+    objective, fit = settle(Objective.of(problem), problem.begin, fitted=fitted)
     ends = [_ends(sensor, problem.vehicle) for sensor in problem.compiled.model.sensors]
     if not np.isfinite(ends).any():
         return objective, fit
@@ -46,7 +47,7 @@ def settled_off_ends(problem: Problem) -> tuple[Objective, Linearisation]:
         if same or not any(map(np.any, count)):
             break
         counted = count
-        objective, fit = settle(Objective.of(problem.counting(counted)), fit.theta)
+        objective, fit = settle(Objective.of(problem.counting(counted)), fit.theta, fitted=True)
     return objective, fit
 
 
