@@ -31,10 +31,10 @@ from clutchest.inference.map_fit import improve
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 
-# Family-wise p-value below which an error without a name is significant; in truth it is exceeded
-# far more often, as curves follow small errors of structure, integration and time stamps too: of
-# 177 healthy trucks unlike the model, three that gave no name lay between 1e-5 and 1e-4.  With
-# 1e-6, errors nine standard deviations large were missed.
+# Family-wise p-value below which an error without a name is significant where drives held out may
+# reject it.  In truth it is exceeded far more often, as curves follow small errors of structure,
+# integration and time stamps too: of 177 healthy trucks unlike the model, three that gave no name
+# lay between 1e-5 and 1e-4.  Without such drives it must be established.
 UNNAMED = 1e-4
 # p-value from which on held-out drives may reject a result.  Below, it is established by this log,
 # whatever they say: a drive may be affected by something that does not last.
@@ -89,10 +89,10 @@ class SearchVerdict:
 
 def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> SearchVerdict:
     """Search, and decide what is established; ``other``: drives that may reject doubtful causes."""
-    errors = list[Curve]()
+    errors, level = list[Curve](), UNNAMED if other else ESTABLISHED
     if not search.clear:  # a clear cause is asked for other modes itself
         errors = errors_without_causes(search)
-        if _significant(errors) and (moved := model_in_alternative_mode(search)) is not None:
+        if _significant(errors, level) and (moved := model_in_alternative_mode(search)) is not None:
             search, errors = moved, errors_without_causes(moved)
     search = run(search, progress)
     for _ in range(MOST):  # a mode that was left must not be entered for ever
@@ -107,7 +107,7 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> S
         if (fewer := fewer_causes(search)) is None:
             break
         search, spreads = refine(search.reduced_to(fewer))
-    return _verdict(search, spreads, errors, dropped)
+    return _verdict(search, spreads, errors, dropped, level)
 
 
 def _verdict(
@@ -115,9 +115,10 @@ def _verdict(
     spreads: Mapping[frozenset[str], Spread],
     errors: Sequence[Curve],
     dropped: Mapping[str, float],
+    level: float,
 ) -> SearchVerdict:
     """Of a search that has ended; ``errors`` of the model without a cause, none where these were
-    not asked for, as a cause was clear.
+    not asked for, as a cause was clear; one without a name has a p-value below ``level``.
 
     A curve must explain more than the ``dropped`` causes did, by more than its freedom: what
     held-out drives deny as a cause is no error without a name either.
@@ -132,8 +133,8 @@ def _verdict(
     elif not errors:
         errors = remaining = errors_without_causes(search)
     denied = sum(dropped.values())
-    unnamed = _significant(remaining) and remaining[0].worth > denied
-    forms, unnamed = _by_forms(search, best, unnamed)
+    unnamed = _significant(remaining, level) and remaining[0].worth > denied
+    forms, unnamed = _by_forms(search, best, unnamed, level)
     if best.causes:
         own = () if unnamed else _alone_in(best, forms, remaining)
         errors = errors_without_causes(search, own)
@@ -252,23 +253,26 @@ def _most_worth(errors: Sequence[Curve]) -> float:
     return max((curve.worth for curve in errors), default=0.0)
 
 
-def _by_forms(search: Search, best: CauseSet, unnamed: bool) -> tuple[dict[str, TestedForm], bool]:
+def _by_forms(
+    search: Search, best: CauseSet, unnamed: bool, level: float
+) -> tuple[dict[str, TestedForm], bool]:
     """The tests of the forms of the best, over what its effects read or, where that names errors
     beside it, over what else drives the errors that stand for them; and whether these remain
     ``unnamed``."""
     forms = tested_forms(search, best)
-    if not unnamed or _by_form(search, best, forms):
+    if not unnamed or _by_form(search, best, forms, level):
         return forms, False
     wide = tested_forms(search, best, wider=True)
-    return (wide, False) if _by_form(search, best, wide) else (forms, True)
+    return (wide, False) if _by_form(search, best, wide, level) else (forms, True)
 
 
-def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm]) -> bool:
+def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm], level: float) -> bool:
     """Whether errors beside the best are those of the forms of its causes: with the curves that
     the data want there none is significant."""
     if not any(tested.form.refuted for tested in forms.values()):
         return False
-    return not _significant(_residual_errors(search, best, beside_forms(search, best, forms)))
+    beside = _residual_errors(search, best, beside_forms(search, best, forms))
+    return not _significant(beside, level)
 
 
 def _more_than_form(
@@ -334,8 +338,8 @@ def least_confirmed(verdict: SearchVerdict) -> float:
     return -search.margin() / 2.0 if p > ESTABLISHED else -np.inf
 
 
-def _significant(errors: Sequence[Curve]) -> bool:
-    return bool(errors) and errors[0].p_value < UNNAMED
+def _significant(errors: Sequence[Curve], level: float) -> bool:
+    return bool(errors) and errors[0].p_value < level
 
 
 def _beside_less_discrepancies(search: Search) -> list[Curve]:
