@@ -125,10 +125,42 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     monkeypatch.setattr(
         verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
     )
-    said = verdict._verdict(search, {}, [curve], {"b": 50.0})
+    said = verdict._verdict(search, {}, [curve], {"b": 50.0}, verdict.UNNAMED)
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]
-    assert verdict._verdict(search, {}, [curve], {}).name == "unknown"
+    assert verdict._verdict(search, {}, [curve], {}, verdict.UNNAMED).name == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("p", "other", "found"),
+    [
+        (5e-5, True, "unknown"),
+        (5e-5, False, "none"),
+        (5e-6, False, "unknown"),
+        (5e-4, True, "none"),
+    ],
+)
+def test_an_error_that_no_held_out_drive_can_reject_must_be_established(
+    monkeypatch, p, other, found
+):
+    nothing = a_set([], 100.0)
+    search = Reducible(best=nothing, rivals=(), by_count={}, clear=False)
+    curve = SimpleNamespace(worth=30.0, p_value=p, covariate="time")
+    for name, said in {
+        "errors_without_causes": lambda search, equations=(): [curve],
+        "model_in_alternative_mode": lambda search: None,
+        "run": lambda search, progress: search,
+        "cause_in_alternative_mode": lambda search: (search, False),
+        "backward_eliminated": lambda search, other: (search, {}),
+        "refine": lambda search: (search, {}),
+        "fewer_causes": lambda search: None,
+        "tested_forms": lambda search, of, wider=False: {},
+        "located": lambda _, errors, by: SimpleNamespace(errors=errors, fitted=True),
+        "several_errors": lambda place, free, level: verdict.Errors([], []),
+        "_beside_less_discrepancies": lambda search: [],
+    }.items():
+        monkeypatch.setattr(verdict, name, said)
+    assert verdict.judge(search, (lambda: None) if other else None, None).name == found
 
 
 @pytest.mark.parametrize(

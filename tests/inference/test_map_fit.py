@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 import clutchest
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle
+from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle, without
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
@@ -63,6 +63,22 @@ def test_numbers_that_are_not_free_stay():
     np.testing.assert_array_equal(fit.theta[1:], begin[1:])
     alone = MadeUp(lambda a: decay(np.array([a[0], 0.3, 2.5])), data, ("amplitude",))
     assert fit.theta[0] == pytest.approx(alone.reference(np.zeros(1)).x[0], abs=0.05)
+
+
+def test_without_a_gain_the_others_begin_where_they_end():
+    """Where all is linear, that of two readings that a gain and a number explain together."""
+    rng = np.random.default_rng(9)
+    waves = np.column_stack([np.sin(3 * TIME), np.sin(3 * TIME + 0.1), np.cos(TIME)])
+    data = 50.0 * waves @ [0.2, 0.7, -0.3] + rng.standard_normal(len(TIME))
+    law = MadeUp(lambda theta: 50.0 * waves @ theta, data, ("a", "b", "c"), {"b": (-2.0, 2.0)})
+    objective, (a, b, c) = law.objective, law.all
+    best = most_probable(objective, law.all, np.zeros(3))
+    there = without(objective, objective.linearise_at(best.theta), np.array([a, c]), np.array([b]))
+    alone = most_probable(objective, np.array([a, c]), np.zeros(3))
+    assert there[b] == 0.0
+    np.testing.assert_allclose(there, alone.theta, atol=1e-6)
+    plain = np.where(law.all == b, 0.0, best.theta)
+    assert objective.linearise_at(plain).cost > 100.0 * objective.linearise_at(there).cost
 
 
 @pytest.mark.parametrize("end", [-1.0, 1.0])
