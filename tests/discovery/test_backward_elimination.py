@@ -19,6 +19,7 @@ class Reducible:
     tied: tuple = ()
     null: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(cost=100.0))
     problem: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(discrepancies=()))
+    clear = False
 
     def released(self, h):
         return h
@@ -144,7 +145,7 @@ def test_an_error_that_no_held_out_drive_can_reject_must_be_established(
     monkeypatch, p, other, found
 ):
     nothing = a_set([], 100.0)
-    search = Reducible(best=nothing, rivals=(), by_count={}, clear=False)
+    search = Reducible(best=nothing, rivals=(), by_count={})
     curve = SimpleNamespace(worth=30.0, p_value=p, covariate="time")
     for name, said in {
         "errors_without_causes": lambda search, equations=(): [curve],
