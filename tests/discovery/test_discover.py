@@ -275,8 +275,10 @@ def test_what_wanders_beside_an_error_is_not_taken_for_it():
         if name in walks
     }
     disturbances = {f"{name}_walk": density for name, density in walks.items()}
-    signals = drive(76, outsider=Squeezed(), disturbances=disturbances)
-    answer = discover(signals, replace(TRUCK, estimation=stated))
+    signals, other = (
+        drive(seed, outsider=Squeezed(), disturbances=disturbances) for seed in (76, 77)
+    )
+    answer = discover(signals, replace(TRUCK, estimation=stated), holdout=[other])
     assert answer.verdict == "unknown" and answer.where is not None
     assert answer.where.equation == "torque" and answer.where.covariates[0] == "position_rate"
 

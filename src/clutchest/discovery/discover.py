@@ -39,6 +39,7 @@ from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
 from clutchest.discovery.sentences import (
+    doubtful,
     implausible,
     not_confirmed,
     sentence,
@@ -268,7 +269,7 @@ def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
     """The verdict, measured on held-out drives, which may reject it."""
     outcome = _Outcome(verdict.name, verdict.errors, None, None)
     if verdict.name == "none":
-        return outcome
+        return outcome if other else replace(outcome, warnings=doubtful(verdict.errors))
     task.show("measuring the gain on held-out data")
     if verdict.name == "unknown":
         outcome = _unnamed(task, verdict, other)
