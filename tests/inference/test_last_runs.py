@@ -11,6 +11,7 @@ import clutchest
 from clutchest.inference import problem as runs
 from clutchest.inference.innovations import NO_DERIVATIVES, NormalisedInnovations
 from clutchest.inference.last_runs import ENTRIES, HELD, LastPaths, LastRuns, StatePath
+from clutchest.inference.objective import Objective
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.problem import Problem
 
@@ -63,13 +64,19 @@ def test_gains_at_other_numbers_are_another_drive(problem, counted):
     assert len(counted) == 2 and not np.array_equal(before, after)
 
 
-def test_what_a_user_does_to_a_table_stays_his_own(problem):
+def test_what_is_kept_cannot_be_spoilt(problem):
+    """Neither by hand nor by whitening, which is done in place."""
     theta = np.zeros(len(problem.thetas))
     (first,) = problem.linearise(theta, {})
     kept = first.table.copy()
-    first.table[:] = np.nan
-    problem.linearise(theta, {})[0].table[:] = 0.0
-    np.testing.assert_array_equal(problem.linearise(theta, {})[0].table, kept)
+    with pytest.raises(ValueError, match="read-only"):
+        first.table[:] = np.nan
+    objective = Objective.of(problem)
+    for active in (None, np.array([1, 3]), NO_DERIVATIVES):
+        assert objective.linearise_at(theta, active=active).r.any()
+    assert objective.white_at(theta).r.any()
+    assert problem.linearise(theta, {})[0].table is first.table
+    np.testing.assert_array_equal(first.table, kept)
 
 
 @pytest.mark.parametrize("in_halves", [False, True])

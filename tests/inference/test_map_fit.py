@@ -313,3 +313,17 @@ def test_a_linearisation_is_a_function_of_what_is_handed_over(drive):
 
     assert off(taken_in.psi) > 0.01
     assert off(again.psi) < 0.2 * off(taken_in.psi)
+
+
+def test_a_column_that_counts_twice_is_as_if_it_came_twice():
+    problem = MadeUp(
+        decay, decay(np.zeros(3)), ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)}
+    )
+    apart = np.eye(len(TIME), 2)
+    columns = np.column_stack([apart[:, 0], apart @ [0.9, np.sqrt(0.19)]])
+    least = 0.12  # once each, the second direction holds 0.1 of both; else more
+    assert problem.objective.with_span([columns], least).in_span(columns).shape == (1, 2)
+    twice = problem.objective.with_span([columns, columns[:, :1]], least).span
+    counted = problem.objective.with_span([columns], least, [np.array([2.0, 1.0])]).span
+    assert twice is not None and counted is not None and twice.shape == (len(TIME), 2)
+    np.testing.assert_allclose(np.abs(twice.T @ counted), np.eye(2), atol=1e-12)

@@ -75,5 +75,11 @@ def spanned(
     objective: Objective, fits: Sequence[Linearisation], candidates: Sequence[CandidateCause]
 ) -> Objective:
     """The objective that judges by what every unknown and candidate changes at any of the fits."""
-    known = [part for fit in fits for part in (fit.psi, columns(objective, fit, candidates))]
-    return objective.with_span(known, SAME)
+    parts, counts = list[Floats](), list[Floats]()
+    for fit in fits:
+        own, _ = next(by_shapes(fit, candidates))  # of these, the fit has derivatives already
+        rest = [c for i, c in enumerate(candidates) if i not in own]
+        gains = np.array([candidates[i].index for i in own], np.int64)
+        parts += [fit.psi, columns(objective, fit, rest)]
+        counts += [1.0 + np.bincount(gains, minlength=len(fit.theta)), np.ones(len(rest))]
+    return objective.with_span(parts, SAME, counts)

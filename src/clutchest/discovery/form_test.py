@@ -212,7 +212,7 @@ def _no_more_than_form(search: Search, fits: Sequence[CauseSet]) -> CauseSet | N
 
 def _explained(beside: Nuisances, gain: int) -> float:
     """By how much a gain improves the fit beside all else, 2 Δ ln L, to first order."""
-    column = beside.at.psi[:, [gain]].copy()
+    column = beside.at.by(np.array([gain]))
     rest = beside.free[beside.free != gain]
     of = Projection.of(beside.at, rest, beside.prior).out_of(column)
     information = max(float(of.information[0, 0]), ABSENT)

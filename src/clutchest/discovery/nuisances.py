@@ -24,18 +24,18 @@ class Nuisances:
         """With unknowns whose derivatives are ``columns`` (K, c), expected at 0 with a standard
         deviation ``std``."""
         count, more = len(self.prior), columns.shape[1]
+        free = np.append(self.free, np.arange(count, count + more))
         at = replace(
             self.at,
             theta=np.append(self.at.theta, np.zeros(more)),
-            by_active=np.column_stack([self.at.psi, columns]),
-            active=None,
+            by_active=np.column_stack([self.at.by(self.free), columns]),
+            active=free,
         )
-        prior = np.append(self.prior, np.full(more, std**-2.0))
-        return Nuisances(at, np.append(self.free, np.arange(count, count + more)), prior)
+        return Nuisances(at, free, np.append(self.prior, np.full(more, std**-2.0)))
 
     def explained(self) -> Nuisances:
         """With the innovations that are left where they explain what they can."""
-        psi = self.at.psi[:, self.free]
+        psi = self.at.by(self.free)
         inner = psi.T @ psi + np.diag(self.prior[self.free] + 1e-9)
         step = np.linalg.solve(
             inner, psi.T @ self.at.r + self.prior[self.free] * self.at.theta[self.free]

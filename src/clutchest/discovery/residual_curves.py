@@ -185,7 +185,7 @@ class CurvesAt:
 
     def derivatives(
         self, tables: Sequence[CandidateCurve]
-    ) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
+    ) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, slice]]]]:
         """Derivatives (K, C) of the white innovations by every coefficient of the curves, and
         columns of each curve; some covariates at a time, as many as memory holds."""
         for some in portions(tables, held(self.fit)):
@@ -261,8 +261,7 @@ class CurvesAt:
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
             give_back()
             derivatives, some = self._portion(portion, self._basis)
-            own = [(table, derivatives[:, columns]) for table, columns in some]
-            negligible = self.negligible(own)
+            negligible = self.negligible([(t, derivatives[:, columns]) for t, columns in some])
             c = projection.out_of(derivatives.copy() if noise else derivatives)
             return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)
 
@@ -279,7 +278,7 @@ class CurvesAt:
 
     def _portion(
         self, some: Sequence[CandidateCurve], basis: Callable[[int, CandidateCurve], Floats]
-    ) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
+    ) -> tuple[Floats, list[tuple[CandidateCurve, slice]]]:
         """Derivatives by some curves of this ``basis`` (events, c) in a drive (index), and columns
         of each."""
         begins: dict[tuple[str, bytes], int] = {}
@@ -301,7 +300,7 @@ class CurvesAt:
         derivatives *= np.repeat([table.unit for table in some], counts)
         ends = np.cumsum(counts)
         own = zip(some, ends, strict=True)
-        return derivatives, [(t, np.arange(end - len(t.at), end)) for t, end in own]
+        return derivatives, [(t, slice(end - len(t.at), end)) for t, end in own]
 
 
 def _judged(
@@ -311,15 +310,14 @@ def _judged(
     negligible: Sequence[Floats],
     blocks: NDArray[np.int64],
     choices: Mapping[str, int],
-    some: Sequence[tuple[CandidateCurve, NDArray[np.int64]]],
+    some: Sequence[tuple[CandidateCurve, slice]],
 ) -> tuple[list[Curve], Floats]:
     """Curves by what is left of their derivatives ``c`` (K, C), in which for each of ``some`` less
     than ``negligible`` (c, c) is noise of its inputs, p-values not known yet, and the strongest
     evidence of each draw of ``null`` scores (draws, C)."""
     results, most = [], np.full(len(null), -np.inf)
     for (table, columns), least in zip(some, negligible, strict=True):
-        own = np.ix_(columns, columns)
-        information, score = c.information[own], c.score[columns]
+        information, score = c.information[columns, columns], c.score[columns]
         if np.trace(covariance(information, 0.0 * least) @ information) < 0.1:
             continue
         spread = covariance(information, least)

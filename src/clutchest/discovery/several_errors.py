@@ -160,7 +160,9 @@ def _columns(
         CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
         for c in _leading(errors)
     ]
-    found = [(table, part[:, own]) for part, some in at.derivatives(tables) for table, own in some]
+    found = [
+        (table, part[:, own].copy()) for part, some in at.derivatives(tables) for table, own in some
+    ]
     if first is not None:
         found = [(t, first if t is tables[0] else by) for t, by in found]
     pairs = zip(found, at.negligible(found), strict=True)

@@ -349,14 +349,18 @@ def _beside_less_discrepancies(search: Search) -> list[Curve]:
     if not search.problem.discrepancies:
         return []
     objective, free = replace(search.objective, span=None), search.free(())
-    at = objective.linearise_at(search.null.fit.theta)
+    at = objective.linearise_at(search.null.fit.theta).as_measured
     share, likely = objective.discrepancies_shown_by(at, free, LESS)
     best: dict[tuple[str, str, int], Curve] = {}
-    for part, less in zip(LESS, likely - likely.max(), strict=True):
+
+    def beside(part: float) -> list[Curve]:
+        """Those beside such a ``part`` of the discrepancies."""
         own = objective.with_discrepancies(at, part * share)
-        fit = improve(own, own.whitened(at), free)
-        fit = replace(fit, raw=())
-        for curve in curves(own, fit, Nuisances(fit, free, own.prior), seed=3):
+        fit = replace(improve(own, own.whitened(at), free), raw=())
+        return curves(own, fit, Nuisances(fit, free, own.prior), seed=3)
+
+    for part, less in zip(LESS, likely - likely.max(), strict=True):
+        for curve in beside(part):
             lowered = replace(curve, evidence=curve.evidence + less)
             key = lowered.error_term, lowered.covariate, len(lowered.at)
             best[key] = max(best.get(key, lowered), lowered, key=lambda each: each.evidence)

@@ -19,7 +19,8 @@ class NormalisedInnovations:
 
     ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
     derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit;
-    ``implied``: the operating point of the drive there.
+    nobody changes it, so that all who need it share one.  ``implied``: the operating point of the
+    drive there.
     """
 
     table: Floats
@@ -43,14 +44,15 @@ class NormalisedInnovations:
 
     @property
     def alone(self) -> NormalisedInnovations:
-        """The same without derivatives, in memory of its own."""
+        """The same without derivatives."""
         return self.only(NO_DERIVATIVES)
 
     def only(self, active: NDArray[np.int64]) -> NormalisedInnovations:
-        """The same with derivatives by these of the ``active`` thetas, in memory of its own."""
+        """The same with derivatives by these of the ``active`` thetas; in memory of its own where
+        it has others as well."""
         known = np.arange(self.count) if self.active is None else self.active
         if len(active) == len(known):
-            return replace(self, table=self.table.copy())
+            return self
         columns = np.append(0, 1 + np.searchsorted(known, active))
         return replace(self, table=self.table[:, columns], active=active)
 

@@ -53,8 +53,8 @@ class LastRuns:
     def at(
         self, numbers: ModelNumbers, point: OperatingPoint, wanted: NDArray[np.bool_]
     ) -> NormalisedInnovations | None:
-        """A copy of the innovations there, with derivatives by the ``wanted`` thetas (m), if these
-        are known."""
+        """The innovations there, with derivatives by the ``wanted`` thetas (m), if these are
+        known."""
         for run in reversed(self._runs):
             enough = not (wanted & ~run.wanted).any()
             if enough and run.serves(numbers, point.corrections):
@@ -69,9 +69,9 @@ class LastRuns:
         wanted: NDArray[np.bool_],
         innovations: NormalisedInnovations,
     ) -> None:
-        """Remember a copy of these innovations."""
-        copy = innovations.only(np.flatnonzero(wanted))
-        self._last(_Run(numbers, point.corrections, wanted.copy(), copy))
+        """Remember these innovations, which nobody can change from here on."""
+        innovations.table.setflags(write=False)
+        self._last(_Run(numbers, point.corrections, wanted.copy(), innovations))
 
     def _last(self, run: _Run) -> None:
         """Put a run behind the others, and forget what is too much: first, the oldest of those

@@ -82,7 +82,7 @@ def settle(
     estimate of the other, alternately, so many ``turns`` at most.  Where ``theta`` is ``fitted`` to
     nearly the same, the noise is estimated first.  Raises as :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
-    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
+    begin = brought_near(objective, objective.linearise_at(theta, shapes, free), free)
     if np.isfinite(begin.cost) and not is_near(begin):
         # as if it were of the stated level, each digit of what is left would count
         objective = objective.in_white_noise_of(begin)
@@ -95,7 +95,8 @@ def settle(
         give_back()
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
-        lin = improve(objective, objective.judged(lin), free, derivatives=False)
+        lin = objective.judged(lin).only(free)  # room for those on the way
+        lin = improve(objective, lin, free, derivatives=False)
         if abs(before - lin.r @ lin.r) < NEARLY:
             break
     return objective, lin
@@ -132,7 +133,7 @@ def brought_near(
         part = objective.until(share)
         begin = cooled(part, part.linearise_at(theta, lin.shapes), free)
         theta = improve(part, begin, free, derivatives=False).theta
-    grown = objective.linearise_at(theta, lin.shapes)
+    grown = objective.linearise_at(theta, lin.shapes, free)
     return grown if grown.cost < lin.cost else lin
 
 
@@ -257,9 +258,8 @@ def _bend(
     objective: Objective, lin: Linearisation, move: Floats, free: NDArray[np.int64]
 ) -> Floats:
     """The second derivative (m) of the path along the valley's floor that begins with ``move``:
-    geodesic acceleration (Transtrum and Sethna), from one more linearisation a little way
-    ahead."""
-    ahead = objective.relinearise(lin, lin.theta + AHEAD * move, active=free)
+    geodesic acceleration (Transtrum and Sethna), from the innovations a little way ahead."""
+    ahead = objective.relinearise(lin, lin.theta + AHEAD * move, active=NO_DERIVATIVES)
     if not np.isfinite(ahead.cost):
         return np.zeros(len(lin.theta))
     curved = 2.0 / AHEAD * ((ahead.r - lin.r) / AHEAD - lin.change(move))

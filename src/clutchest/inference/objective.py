@@ -99,11 +99,19 @@ class Objective:
         prior[which] = 1.0 / std**2
         return replace(self, prior=prior)
 
-    def with_span(self, columns: Sequence[Floats], least: float = NOTHING) -> Objective:
+    def with_span(
+        self,
+        columns: Sequence[Floats],
+        least: float = NOTHING,
+        counts: Sequence[Floats] | None = None,
+    ) -> Objective:
         """One that judges by what lies in the span of these derivatives (K, …), without directions
-        that hold ``least`` of them, squared, or less."""
+        that hold ``least`` of them, squared, or less; each column as if it came as often as
+        ``counts`` (…) of its part say, once unless given."""
         length = np.concatenate([np.linalg.norm(part, axis=0) for part in columns])
         scale = 1.0 / np.where(length > 1e-6, length, np.inf)
+        if counts is not None:
+            scale *= np.sqrt(np.concatenate(counts))
         inner = np.block([[a.T @ b for b in columns] for a in columns])
         directions, strength, _ = np.linalg.svd(inner * scale * scale[:, None])
         keep = strength > least
@@ -242,7 +250,7 @@ class Objective:
         """All drives at ``theta`` (m), derivatives by every theta, and nothing kept of what they
         were before whitening, which takes as much room."""
         raw = self.problem.linearise(theta, shapes, None, self.problem.implied(theta, shapes))
-        return self._used_up(raw, theta, shapes)
+        return self._as_judged(raw, theta, shapes)
 
     def relinearise(
         self,
@@ -280,18 +288,18 @@ class Objective:
     def _made(
         self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
     ) -> Linearisation:
-        """Of what the problem gave.  Where some derivatives are wanted, these are used up: only
-        with every one of them is the noise model estimated."""
+        """Of what the problem gave.  Where some derivatives are wanted, none is kept as it was
+        before whitening: only with every one of them is the noise model estimated."""
         if raw[0].active is None:
             return self._white([each.table.copy() for each in raw], raw, theta, shapes)
-        return self._used_up(raw, theta, shapes)
+        return self._as_judged(raw, theta, shapes)
 
-    def _used_up(
+    def _as_judged(
         self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
     ) -> Linearisation:
         """Of what the problem gave, of which the innovations are kept, not their derivatives."""
-        alone = [each.alone for each in raw]
-        white = self._white([each.table for each in raw], alone, theta, shapes)
+        tables = [each.table.copy() for each in raw]
+        white = self._white(tables, [each.alone for each in raw], theta, shapes)
         return replace(white, active=raw[0].active)
 
     def _white(

@@ -53,6 +53,12 @@ class Linearisation:
         """The same with the innovations before whitening alone: what residuals are judged by."""
         return replace(self.bare, raw=[each.alone for each in self.raw], implied=self.implied)
 
+    def only(self, active: NDArray[np.int64]) -> Linearisation:
+        """The same with derivatives by these thetas (indices) alone, none of them before
+        whitening."""
+        raw = [each.alone for each in self.raw]
+        return replace(self, by_active=self.by(active), active=active, raw=raw)
+
     @property
     def psi(self) -> Floats:
         """Derivatives by every θ, shape (K, m): 0 by those that are not active."""
