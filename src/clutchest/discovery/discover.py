@@ -197,20 +197,20 @@ class _Outcome:
 def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discovery:
     """Identify causes, extend the vehicle with them, and measure the gain."""
     begun = perf_counter()
-    search = with_noise_of_likeliest(begin(task.problem(task.signals), task.progress))
-    problem = search.problem
+    first = [with_noise_of_likeliest(begin(task.problem(task.signals), task.progress))]
+    problem = first[0].problem
     if task.progress:
         task = replace(task, progress=foreseen(task.progress, begun))
     identifiable = (
-        *identifiability(search.candidates, problem.units, search.null_scores, LEVEL),
+        *identifiability(first[0].candidates, problem.units, first[0].null_scores, LEVEL),
         *not_testable(problem, task.testable),
     )
     if on_identifiability:
         on_identifiability(identifiable)
     other = _other(task)
-    verdict = judge(search, other, task.progress)
+    verdict = judge(first.pop(), other, task.progress)  # of an hour, its span is 40 MiB
     search = verdict.search
-    before = search.objective.linearise_at(search.null.fit.theta).without_derivatives
+    before = search.objective.innovations_at(search.null.fit.theta).without_derivatives
     outcome = _outcome(task, verdict, other)
     after = verdict.best.fit if outcome.named else before
     task.show("testing the residuals")

@@ -294,9 +294,13 @@ class CurvesAt:
             [begins[t.covariate, t.at.tobytes()] + np.arange(len(t.at)) for t in some]
         )
         thetas = np.repeat([table.theta for table in some], counts)
-        modulations = [Modulation(np.column_stack(each), columns) for each in bases]
-        bases.clear()  # room for the derivatives
-        derivatives = self.objective.modulated(self.fit, thetas, modulations)
+
+        def modulations() -> Iterator[Modulation]:
+            """One drive's at a time: room for the derivatives."""
+            while bases:
+                yield Modulation(np.column_stack(bases.pop(0)), columns)
+
+        derivatives = self.objective.modulated(self.fit, thetas, modulations())
         derivatives *= np.repeat([table.unit for table in some], counts)
         ends = np.cumsum(counts)
         own = zip(some, ends, strict=True)

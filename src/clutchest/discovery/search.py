@@ -133,7 +133,7 @@ class Search:
         """A cause set with a fit that has innovations, and sizes that may exceed plausible ones:
         plausibility decides which causes there are, the data their sizes."""
         objective, free = self.objective, self.free(h.causes)
-        fit = objective.linearise_at(h.fit.theta, h.fit.shapes, free)
+        fit = objective.innovations_at(h.fit.theta, h.fit.shapes)
         gains = [c.index for c in h.causes]
         sizes = fit.theta[gains]
         if np.any((sizes <= objective.low[gains]) | (sizes >= objective.high[gains])):

@@ -18,9 +18,8 @@ class NormalisedInnovations:
     """Of the readings (K) of one drive, sensor after sensor, each in order of time.
 
     ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
-    derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit;
-    nobody changes it, so that all who need it share one.  ``implied``: the operating point of the
-    drive there.
+    derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit:
+    read-only where it is kept for others.  ``implied``: the operating point of the drive there.
     """
 
     table: Floats
@@ -48,11 +47,12 @@ class NormalisedInnovations:
         return self.only(NO_DERIVATIVES)
 
     def only(self, active: NDArray[np.int64]) -> NormalisedInnovations:
-        """The same with derivatives by these of the ``active`` thetas; in memory of its own where
-        it has others as well."""
+        """The same with derivatives by these of the ``active`` thetas, in memory that nobody
+        changes: its own where this one's may be."""
         known = np.arange(self.count) if self.active is None else self.active
         if len(active) == len(known):
-            return self
+            changes = self.table.flags.writeable
+            return replace(self, table=self.table.copy()) if changes else self
         columns = np.append(0, 1 + np.searchsorted(known, active))
         return replace(self, table=self.table[:, columns], active=active)
 

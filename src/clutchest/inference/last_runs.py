@@ -13,7 +13,7 @@ from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.signals import Floats
 
-HELD = 9e6  # numbers that kept runs hold: of an hour, derivatives once
+HELD = 9e6  # numbers that kept runs hold: of an hour, derivatives by what is free, once
 PATHS = 8  # a cause, its rivals and the model without one are come back to in turns
 ENTRIES = 6e6  # of paths that are kept: of an hour, none
 
@@ -69,9 +69,13 @@ class LastRuns:
         wanted: NDArray[np.bool_],
         innovations: NormalisedInnovations,
     ) -> None:
-        """Remember these innovations, which nobody can change from here on."""
+        """Remember these innovations, which nobody can change from here on; not where their
+        derivatives alone are too much: then they are his who asked for them."""
+        run = _Run(numbers, point.corrections, wanted.copy(), innovations)
+        if wanted.any() and run.size > HELD:
+            return
         innovations.table.setflags(write=False)
-        self._last(_Run(numbers, point.corrections, wanted.copy(), innovations))
+        self._last(run)
 
     def _last(self, run: _Run) -> None:
         """Put a run behind the others, and forget what is too much: first, the oldest of those

@@ -7,7 +7,7 @@ does, that noise would seem to depend on θ too.  So fits are judged within the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.discrepancy import ScatteredDrive, probability, probable_shares, scattering
-from clutchest.inference.innovations import NormalisedInnovations
+from clutchest.inference.innovations import NO_DERIVATIVES, NormalisedInnovations
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, white_covariances
 from clutchest.inference.linear_solve import add_product, solved
 from clutchest.inference.linearisation import Modulation
@@ -252,6 +252,11 @@ class Objective:
         raw = self.problem.linearise(theta, shapes, None, self.problem.implied(theta, shapes))
         return self._as_judged(raw, theta, shapes)
 
+    def innovations_at(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
+        """All drives at ``theta`` (m), without derivatives, from where others can be linearised."""
+        at = self.problem.implied(theta, shapes)
+        return self._made(self.problem.linearise(theta, shapes, NO_DERIVATIVES, at), theta, shapes)
+
     def relinearise(
         self,
         lin: Linearisation,
@@ -297,9 +302,11 @@ class Objective:
     def _as_judged(
         self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
     ) -> Linearisation:
-        """Of what the problem gave, of which the innovations are kept, not their derivatives."""
-        tables = [each.table.copy() for each in raw]
-        white = self._white(tables, [each.alone for each in raw], theta, shapes)
+        """Of what the problem gave, of which the innovations are kept, not their derivatives: these
+        are used up where nobody else keeps them."""
+        alone, tables = [each.alone for each in raw], [each.table for each in raw]
+        tables = [table if table.flags.writeable else table.copy() for table in tables]
+        white = self._white(tables, alone, theta, shapes)
         return replace(white, active=raw[0].active)
 
     def _white(
@@ -320,7 +327,7 @@ class Objective:
         return Linearisation(theta, shapes, r, active, cost, raw, implied, raw[0].active)
 
     def modulated(
-        self, lin: Linearisation, thetas: NDArray[np.int64], modulations: Sequence[Modulation]
+        self, lin: Linearisation, thetas: NDArray[np.int64], modulations: Iterable[Modulation]
     ) -> Floats:
         """Derivatives (K, c), white, by ``thetas`` (c), each of which acts as the ``modulations``
         say, one of each drive."""

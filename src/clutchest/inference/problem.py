@@ -312,7 +312,7 @@ class Problem:
         shapes: Shapes,
         at: Sequence[OperatingPoint],
         thetas: NDArray[np.int64],
-        modulations: Sequence[Modulation],
+        modulations: Iterable[Modulation],
     ) -> list[Floats]:
         """Derivatives (K, c) of every drive's innovations by shared ``thetas`` (c), each of which
         acts as the drive's one of the ``modulations`` says."""
