@@ -79,7 +79,8 @@ def spanned(
     for fit in fits:
         own, _ = next(by_shapes(fit, candidates))  # of these, the fit has derivatives already
         rest = [c for i, c in enumerate(candidates) if i not in own]
-        gains = np.array([candidates[i].index for i in own], np.int64)
+        count = np.ones(len(fit.theta))
+        np.add.at(count, np.array([candidates[i].index for i in own], np.int64), 1.0)
         parts += [fit.psi, columns(objective, fit, rest)]
-        counts += [1.0 + np.bincount(gains, minlength=len(fit.theta)), np.ones(len(rest))]
+        counts += [count, np.ones(len(rest))]
     return objective.with_span(parts, SAME, counts)
