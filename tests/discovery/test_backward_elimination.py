@@ -114,9 +114,9 @@ def test_the_rest_is_judged_anew():
 @pytest.mark.parametrize(("worth", "unnamed"), [(60.0, True), (40.0, False)])
 def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unnamed):
     """Held-out drives have denied what improved the fit by 50."""
-    a = SimpleNamespace(name="a", index=0)
+    a = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
     search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
-    curve = SimpleNamespace(worth=worth, p_value=1e-9, covariate="time")
+    curve = SimpleNamespace(worth=worth, p_value=1e-9, covariate="time", equation="torque")
     monkeypatch.setattr(verdict, "_residual_errors", lambda search, of, equations=(): [curve])
     held = SimpleNamespace(form=SimpleNamespace(refuted=False))
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
@@ -165,20 +165,21 @@ def test_an_error_that_no_held_out_drive_can_reject_must_be_established(
 
 
 @pytest.mark.parametrize(
-    ("worth", "refuted", "causes", "alone"),
+    ("worth", "refuted", "causes", "asked"),
     [
         (9.0, False, 1, ("torque",)),
-        (11.0, False, 1, ()),
+        (11.0, False, 1, ("torque", "disc_heat")),
         (9.0, True, 1, ()),
         (9.0, False, 2, ()),
     ],
 )
-def test_other_equations_are_asked_unless_they_cannot_explain_more(worth, refuted, causes, alone):
-    """Beside a single cause whose form holds, no curve improves the fit clearly."""
+def test_other_equations_are_asked_where_they_can_explain_more(worth, refuted, causes, asked):
+    """Beside a single cause whose form holds, some curve improves the fit clearly, or none does."""
     a = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
     forms = {"a": SimpleNamespace(form=SimpleNamespace(refuted=refuted))}
-    remaining = [SimpleNamespace(worth=worth), SimpleNamespace(worth=-3.0)]
-    assert verdict._alone_in(a_set([a] * causes), forms, remaining) == alone
+    curves = ((worth, "disc_heat"), (-3.0, "zero_position"))
+    remaining = [SimpleNamespace(worth=size, equation=where) for size, where in curves]
+    assert verdict._asked(a_set([a] * causes), forms, remaining) == asked
 
 
 @pytest.mark.parametrize(("other", "elsewhere"), [(75.0, False), (95.0, True)])

@@ -52,7 +52,7 @@ class SearchVerdict:
     do not exclude, of sizes as the data say, ``rejected`` those they do; ``limit``: the cost of the
     best at plausible sizes, to which that of rejected ones is compared.  ``spreads``: the
     uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
-    first, those in the equation of a single cause where no other explains as much; ``unnamed``:
+    first, of a single cause whose form holds those where one may explain as much; ``unnamed``:
     whether they explain more than any cause.  ``dropped``: names of causes that are not confirmed
     on held-out drives.  ``forms``: the tests of the forms of all causes, by effect.  ``others``:
     errors without a name in other equations beside the first one's; ``instead``: equations in which
@@ -136,7 +136,7 @@ def _verdict(
     unnamed = _significant(remaining, level) and remaining[0].worth > denied
     forms, unnamed = _by_forms(search, best, unnamed, level)
     if best.causes:
-        own = () if unnamed else _alone_in(best, forms, remaining)
+        own = () if unnamed else _asked(best, forms, remaining)
         errors = errors_without_causes(search, own)
     p = errors[0].p_value if errors else 1.0
     unnamed, errors, (found, instead) = _unnamed_errors(
@@ -163,16 +163,16 @@ def _verdict(
     )
 
 
-def _alone_in(
+def _asked(
     best: CauseSet, forms: Mapping[str, TestedForm], remaining: Sequence[Curve]
 ) -> tuple[str, ...]:
-    """The equation of a single cause, where its form holds and no curve explains clearly more than
-    it does: by itself none explains more than beside the cause and the cause together.  None
-    else."""
-    refuted = any(tested.form.refuted for tested in forms.values())
-    if len(best.causes) > 1 or refuted or _most_worth(remaining) > CLOSE:
+    """The equation of a single cause whose form holds, and those in which a curve may explain
+    clearly more than it does: by itself none explains more than beside the cause and the cause
+    together.  None where any may."""
+    if len(best.causes) > 1 or any(tested.form.refuted for tested in forms.values()):
         return ()
-    return tuple(cause.effect.equation for cause in best.causes)
+    own = [cause.effect.equation for cause in best.causes]
+    return tuple(dict.fromkeys([*own, *(e.equation for e in remaining if e.worth > CLOSE)]))
 
 
 def _unnamed_errors(
