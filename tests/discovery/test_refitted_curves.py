@@ -210,3 +210,14 @@ def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariat
     tied = {curve.covariate for curve in own if curve.evidence >= own[0].evidence - TIED}
     assert covariate in tied or (case in SECOND and covariate in names[:2])
     assert several_errors(place, search.free(()), UNNAMED).found[0][0].equation == equation
+
+
+@pytest.mark.slow
+def test_two_others_do_not_take_the_place_of_one_that_explains_more(blind: None) -> None:
+    """A late report of the torque: beside its delay and the position sensor over eight drivers, all
+    of them together, it would say nothing more."""
+    from form import near
+
+    answer = near("near-turbo_lag-605")
+    assert answer["verdict"] == "unknown" and answer["equation"] == "sensor:engine_torque"
+    assert answer["drivers"][0] == "engine_torque_rate"

@@ -68,8 +68,10 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
             break
         found.append(_of_equation(left, left[0].equation))
         columns.append(_columns(at, found[-1]))
-    if len(found) > 1:
-        first, *others = found
+    joined = [evidence_joined(bare, each) for each in columns]
+    first, *others = found
+    # several others that explain less together than the first alone do not take its place
+    if sum(each.evidence for each in joined[1:]) > likely[ranked[0]]:
         beside = _beside(bare, columns[1:])
         if fitted:
             p_value = float(np.exp(-evidence_joined(beside, columns[0]).evidence / 2.0))
@@ -77,8 +79,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
             again = _of_equation(at.tested(beside, every, SEED), first[0].equation)
             p_value = again[0].p_value if again else 1.0
         if p_value >= level:
-            found, columns = others, columns[1:]
-    joined = [evidence_joined(bare, each) for each in columns]
+            found, joined = others, joined[1:]
     stays = int(fitted and found[0][0].equation == ranked[0])
     rest = sorted(range(stays, len(found)), key=lambda i: -joined[i].evidence)
     order = [*range(stays), *rest]
