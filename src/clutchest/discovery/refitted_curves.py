@@ -42,7 +42,7 @@ LARGE = 50.0  # of a curve's worth: from here on, the first order is not exact
 AS_LIKELY = 0.25  # of the leading evidence: terms that have less in full are left at that
 LEADERS, DRIVERS = 4, 9  # curves that are fitted: of all, more of a term
 FINEST = 3  # of an equation: more finely
-FINE = 12  # knots of a curve that bends more closely
+FINE = 12  # knots of a curve that bends more closely, at least
 WIDEST = 10.0  # standard deviation of coefficients, in units of an error
 STEPS = 6  # at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until it pays
@@ -124,12 +124,13 @@ class _Fits:
         )
 
     def finer(self, known: _Fitted) -> _Fitted:
-        """A fitted curve with more knots, from its fit on."""
-        curve, at = known.curve, self.resumed(known)
-        share = np.linspace(0.0, len(curve.at) - 1.0, FINE)
-        bends = np.interp(share, np.arange(len(curve.at)), curve.at)
-        start = np.interp(bends, curve.at, at.coefficients)
-        return self._fitted(replace(curve, at=bends), replace(at, coefficients=start))
+        """A fitted curve with more knots, every piece in as many parts, from its fit on."""
+        curve, pieces = known.curve, len(known.curve.at) - 1
+        parts = pieces * -(-(FINE - 1) // pieces)
+        bends = np.interp(np.linspace(0.0, pieces, parts + 1), np.arange(pieces + 1.0), curve.at)
+        start = np.interp(bends, curve.at, curve.coefficients)  # the same curve
+        at = replace(self.resumed(known), coefficients=start)
+        return self._fitted(replace(curve, at=bends), at)
 
     def resumed(self, known: _Fitted) -> _Point:
         """Where a curve is fitted, with derivatives by what is free."""

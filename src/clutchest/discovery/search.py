@@ -29,8 +29,8 @@ from clutchest.memory import give_back
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
-# Family-wise false-alarm probability where the vehicle is its model.  Of 223 healthy trucks that are
-# not, in one respect each, five had a cause, at p from 0.001 to 0.006.
+# Family-wise false-alarm probability where the vehicle is its model.  Of 223 healthy trucks that
+# are not, in one respect each, five had a cause, at p from 0.001 to 0.006.
 LEVEL = 0.004
 LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which another may join
 MOST = 3  # causes acting together
