@@ -334,7 +334,7 @@ def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Searc
         lambda begin: search.fitted_near((), begin),
         (search.null.fit, best.fit),
     )
-    null = CauseSet((), null.fit.bare)
+    null = null.bare
     if near.cost < WALL * null.cost:  # from so high up a wall, nothing leads on
         null = min(null, search.continued(near).bare, key=cost_of)
     search = replace(search, null=null, best=null)

@@ -12,7 +12,7 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, FormCurve, either
-from clutchest.discovery.verdict import UNNAMED
+from clutchest.discovery.verdict import UNNAMED, significant
 from clutchest.discovery.where import Where, place_and_driver, place_words, places_words
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
@@ -118,7 +118,7 @@ def not_confirmed(what: str) -> str:
 def doubtful(errors: Sequence[Curve]) -> tuple[str, ...]:
     """A warning where the likeliest of the ``errors`` would be significant if drives held out did
     not reject it, and there are none."""
-    if not errors or errors[0].p_value >= UNNAMED:
+    if not significant(errors, UNNAMED):
         return ()
     return (
         f"an error in '{errors[0].equation}' has p = {errors[0].p_value:.2g}: it may be noise or a "

@@ -92,7 +92,7 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> S
     errors, level = list[Curve](), UNNAMED if other else ESTABLISHED
     if not search.clear:  # a clear cause is asked for other modes itself
         errors = errors_without_causes(search)
-        if _significant(errors, level) and (moved := model_in_alternative_mode(search)) is not None:
+        if significant(errors, level) and (moved := model_in_alternative_mode(search)) is not None:
             search, errors = moved, errors_without_causes(moved)
     search = run(search, progress)
     for _ in range(MOST):  # a mode that was left must not be entered for ever
@@ -133,7 +133,7 @@ def _verdict(
     elif not errors:
         errors = remaining = errors_without_causes(search)
     denied = sum(dropped.values())
-    unnamed = _significant(remaining, level) and remaining[0].worth > denied
+    unnamed = significant(remaining, level) and remaining[0].worth > denied
     forms, unnamed = _by_forms(search, best, unnamed, level)
     if best.causes:
         own = () if unnamed else _asked(best, forms, remaining)
@@ -272,7 +272,7 @@ def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm], le
     if not any(tested.form.refuted for tested in forms.values()):
         return False
     beside = _residual_errors(search, best, beside_forms(search, best, forms))
-    return not _significant(beside, level)
+    return not significant(beside, level)
 
 
 def _more_than_form(
@@ -338,7 +338,8 @@ def least_confirmed(verdict: SearchVerdict) -> float:
     return -search.margin() / 2.0 if p > ESTABLISHED else -np.inf
 
 
-def _significant(errors: Sequence[Curve], level: float) -> bool:
+def significant(errors: Sequence[Curve], level: float) -> bool:
+    """Whether the likeliest of the ``errors`` has a p-value below a ``level``."""
     return bool(errors) and errors[0].p_value < level
 
 
