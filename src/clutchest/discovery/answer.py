@@ -49,12 +49,14 @@ def _sizes_in(verdict: SearchVerdict, h: CauseSet) -> dict[tuple[str, str], Size
     # what a healthy vehicle has of an effect is part of its size
     within = problem.tolerances(c.index for c in h.causes)
     free = np.setdiff1d(search.free(h.causes), within)
-    std = np.sqrt(np.diag(covariance(search.objective, fit, free)) + spread.variance[free])
-    sizes: dict[tuple[str, str], Size] = {}
+    bias, scatter = verdict.bias(h)
+    variance = np.diag(covariance(search.objective, fit, free)) + spread.variance[free]
+    std = np.sqrt(variance + scatter[free] ** 2)
+    theta, sizes = fit.theta - bias, dict[tuple[str, str], Size]()
     for c in h.causes:
         unit = problem.units[c.index]
         of_noise, clock = std[free == c.index][0] * unit, problem.clock(c.index)
-        value = float(fit.theta[c.index] * unit)
+        value = float(theta[c.index] * unit)
         sizes[c.name, c.gain.key] = Size(value, float(np.hypot(of_noise, clock)))
         for key, shape in c.shapes:
             sizes[c.name, key] = Size(shape, spread.std.get((c.name, key), 0.0))

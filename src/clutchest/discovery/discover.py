@@ -45,6 +45,7 @@ from clutchest.discovery.sentences import (
     sentence,
     still_distorted,
 )
+from clutchest.discovery.size_bias import with_biases
 from clutchest.discovery.speed_agreement import Disagreement, disagreement
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
@@ -218,6 +219,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     left = fit_extended or fit
     if doubted := outcome.name != "unknown" and left.outweighs(search.null.cost - after.cost):
         outcome, after, fit_extended = outcome.doubted_at(search), before, None
+    verdict = with_biases(verdict, task.signals) if outcome.named else verdict
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     peaks = task.vehicle.machine.peaks
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
@@ -330,7 +332,8 @@ def _extended(
         )
     search = verdict.search
     acts = verdict.best if outcome.named else search.null  # if ambiguous, the most likely set
-    beside = corrected(search, acts) if outcome.named or outcome.curve is not None else {}
+    extends = outcome.named or outcome.curve is not None
+    beside = corrected(search, acts, acts.fit.theta - verdict.bias(acts)[0]) if extends else {}
     sizes = {**beside, **sizes_by_effect(acts, sizes_of(causes))}
     extended, curve = extend(search.problem, sizes, outcome.curve, task.files)
     return task.off.stated(extended) if task.off else extended, curve, []

@@ -22,6 +22,7 @@ from clutchest.models.effects.effect import TIME
 from clutchest.models.error_curve import ErrorCurve, free_name, matrix, numbers_of, rounded
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
+from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
 Sizes = Mapping[str, Mapping[str, Size]]  # effect → key → number
@@ -104,9 +105,9 @@ def _corrected_curves(vehicle: Vehicle, sizes: Sizes) -> dict[str, ErrorCurve]:
     return curves
 
 
-def corrected(search: Search, h: CauseSet) -> dict[str, dict[str, Size]]:
+def corrected(search: Search, h: CauseSet, theta: Floats) -> dict[str, dict[str, Size]]:
     """Numbers that the vehicle file states, but not exactly, as they are estimated beside the
-    causes of a set: their sizes hold beside no others."""
+    causes of a set, ``theta`` (m): their sizes hold beside no others."""
     problem = search.problem
     numbers, free = problem.vehicle.effect_numbers, search.free(h.causes)
     wanted = {
@@ -119,7 +120,7 @@ def corrected(search: Search, h: CauseSet) -> dict[str, dict[str, Size]]:
     least = {(e.name, n.key): n.least for e in problem.compiled.model.effects for n in e.gains}
     sizes: dict[str, dict[str, Size]] = {}
     for i, t in wanted.items():
-        value = numbers[t.effect].get(t.key, 0.0) + float(fit.theta[i] * t.unit)
+        value = numbers[t.effect].get(t.key, 0.0) + float(theta[i] * t.unit)
         std = float(np.sqrt(variance[free == i][0]) * t.unit)
         sizes.setdefault(t.effect, {})[t.key] = Size(max(value, least[t.effect, t.key]), std)
     return sizes

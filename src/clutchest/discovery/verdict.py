@@ -30,6 +30,7 @@ from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.map_fit import improve
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
+from clutchest.signals import Floats
 
 # Family-wise p-value below which an error without a name is significant where drives held out may
 # reject it.  In truth it is exceeded far more often, as curves follow small errors of structure,
@@ -73,6 +74,7 @@ class SearchVerdict:
     others: Sequence[Sequence[Curve]] = ()
     instead: Sequence[str] = ()
     covariates: frozenset[str] = frozenset()
+    biases: Mapping[frozenset[str], tuple[Floats, Floats]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -85,6 +87,11 @@ class SearchVerdict:
     def sets(self) -> list[CauseSet]:
         """The best and those tied with it."""
         return [self.best, *self.tied]
+
+    def bias(self, h: CauseSet) -> tuple[Floats, Floats]:
+        """Of the numbers (m) of a set, where it is known, and its standard deviation."""
+        none = np.zeros(len(h.fit.theta))
+        return self.biases.get(h.names, (none, none))
 
 
 def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> SearchVerdict:

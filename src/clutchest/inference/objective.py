@@ -318,7 +318,7 @@ class Objective:
     ) -> Linearisation:
         """From ``tables`` (K, 1 + a) of every drive, which are used up; ``raw`` stands beside."""
         with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
-            white = self._whiten(tables)
+            white = self.whiten(tables)
             r, active = white[:, 0], white[:, 1:]
             cost = self._cost(r, theta)
         if runs_away(active):
@@ -331,11 +331,11 @@ class Objective:
     ) -> Floats:
         """Derivatives (K, c), white, by ``thetas`` (c), each of which acts as the ``modulations``
         say, one of each drive."""
-        return self._whiten(
+        return self.whiten(
             self.problem.modulated(lin.theta, lin.shapes, lin.implied, thetas, modulations)
         )
 
-    def _whiten(self, raw: list[Floats]) -> Floats:
+    def whiten(self, raw: list[Floats]) -> Floats:
         """Tables (K, c) of all drives as one, without autocorrelation and outliers; they are used
         up."""
         white = self._whitened(raw)

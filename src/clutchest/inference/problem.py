@@ -136,6 +136,14 @@ class Problem:
         )
         return problem.with_input_noise_at(near) if input_noise else problem
 
+    def of_drives(self, signals: Sequence[Signals]) -> Problem:
+        """The same of as many other drives, states tracked by the gains that the filter has
+        there; what noise of the inputs does to the readings is not known."""
+        starts = [t for t in self.thetas if isinstance(t, InitialState) and t.drive == 0]
+        units = np.array([t.unit for t in (*self.thetas[: self.shared], *starts)])
+        drives = tuple(prepared(each, self.vehicle, self.compiled, units) for each in signals)
+        return replace(self, drives=drives).with_gains_at(self.near)
+
     def with_gains_at(self, theta: Floats) -> Problem:
         """The same with states tracked by the gains that the filter has at ``theta`` (m); what
         noise of the inputs does to the readings stays as it was."""
