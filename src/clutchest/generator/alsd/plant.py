@@ -282,6 +282,7 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
             driven = last.driven + share * (c.driven - last.driven)
             if i % SAMPLED == 0:
                 control(y, asked, driven, c, SAMPLED * h, p)
+            pushing = y.servo_torque  # at the step's begin: at its end, the mass would follow late
             if c.drive == TORQUE:
                 y.servo_torque = driven
             actuate(y, c, h, p)
@@ -292,7 +293,7 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
                 slip = y.drive_speed / p.final_drive_ratio
                 torque, potential = slide(y, slip, h, c.oil, p.torsional_stiffness, p)
                 sign = limited(y.drive_speed / 0.02, 1.0)
-                net = y.servo_torque - p.driveline_friction * sign - torque / p.final_drive_ratio
+                net = pushing - p.driveline_friction * sign - torque / p.final_drive_ratio
                 y.drive_speed += h / p.structure_inertia * net
                 y.drive_angle += h * y.drive_speed
             power = torque * slip

@@ -16,6 +16,13 @@ def local_polynomial(time: Floats, value: Floats, count: int, order: int) -> Flo
     """Value, slope and second derivative (n, 3) at every sample (n) by a polynomial of that
     ``order`` through the ``count`` samples about it, an odd number; at both ends through the first
     and last ones.  Samples may lie unevenly."""
+    weights = polynomial_weights(time, count, order)
+    first = np.clip(np.arange(len(time)) - count // 2, 0, len(time) - count)
+    return np.einsum("nik,nk->ni", weights, sliding_window_view(value, count)[first])
+
+
+def polynomial_weights(time: Floats, count: int, order: int) -> Floats:
+    """What :func:`local_polynomial` takes of each of the samples (n, 3, count)."""
     if len(time) < count:
         raise ValueError("fewer samples than a polynomial takes")
     half = count // 2
@@ -24,9 +31,9 @@ def local_polynomial(time: Floats, value: Floats, count: int, order: int) -> Flo
     reach = np.abs(about).max(axis=1)
     basis = (about / reach[:, None])[:, :, None] ** np.arange(order + 1)
     normal = np.einsum("nki,nkj->nij", basis, basis)
-    right = np.einsum("nki,nk->ni", basis, sliding_window_view(value, count)[first])
-    c = np.linalg.solve(normal, right[:, :, None])[:, :3, 0]
-    return np.column_stack([c[:, 0], c[:, 1] / reach, 2 * c[:, 2] / reach**2])
+    weights = np.linalg.solve(normal, np.swapaxes(basis, 1, 2))[:, :3]
+    scale = np.stack([np.ones_like(reach), 1 / reach, 2 / reach**2], axis=1)
+    return np.asarray(weights * scale[:, :, None])
 
 
 def second_derivative_std(period: float, count: int, order: int) -> float:

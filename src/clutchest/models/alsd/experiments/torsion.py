@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
 
 from clutchest.models.alsd.driveline import REVERSAL
-from clutchest.models.alsd.experiments.motion import local_polynomial, second_derivative_std
+from clutchest.models.alsd.experiments.motion import local_polynomial, polynomial_weights
 from clutchest.models.experiments import (
     BenchExperiment,
     BenchRecord,
@@ -20,7 +24,7 @@ LEAST = 20.0  # Nm, the torque must reach
 CONTACT = 0.4  # of the largest twist: beyond it the play is taken up
 SLIDING = 3.0  # of the speed over which driveline friction turns its sign
 LOCKED = 3.0  # times the expected twist: a clutch that turns further slips
-WINDOW, ORDER = 7, 4  # samples that give speed and acceleration
+WINDOW, ORDER = 5, 4  # samples that give speed and acceleration, by the polynomial through all
 ANYWHERE = 0.05  # rad of the clutch, in which the middle of the play lies
 
 
@@ -47,7 +51,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         return "no torque beyond the play at which the servo motor turns"
     t2, a, w, dw, side = t2[keep], angle.value[keep], w[keep], dw[keep], side[keep]
     way = np.tanh(w / REVERSAL)
-    std = _std(record, angle.time)
+    noise = _noise(record, angle.time, np.flatnonzero(keep))
 
     def elastic(p: Parameters, own: Floats, a: Floats, side: Floats) -> Floats:
         ratio = p["final_drive_ratio"]
@@ -56,7 +60,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
 
     def errors(p: Parameters, own: Floats) -> Floats:
         rest = t2 - p["driveline_friction"] * way - p["structure_inertia"] * dw
-        return np.asarray((rest - elastic(p, own, a, side)) / std)
+        return noise.whitened(rest - elastic(p, own, a, side), p)
 
     def points(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         return a, t2 - p["driveline_friction"] * way - p["structure_inertia"] * dw
@@ -73,12 +77,42 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     return EquationErrors(errors, own, (words,), (picture,))
 
 
-def _std(record: BenchRecord, time: Floats) -> float:
-    """Standard deviation of the equation errors, Nm: torque sensor, and acceleration by a
-    polynomial."""
-    per_angle = second_derivative_std(float(np.median(np.diff(time))), WINDOW, ORDER)
-    of_angle = record.parameters["structure_inertia"] * per_angle * record.noise[SIGNALS[1]]
-    return float(np.hypot(record.noise[SIGNALS[0]], of_angle))
+@dataclass(frozen=True, slots=True)
+class EquationNoise:
+    """Noise of the equations at the samples ``rows`` (n), ascending: variance ``of_torque``, Nm²,
+    of the torque sensor and ``of_angle``, rad², which an equation takes with the ``weights``
+    (n, 2, WINDOW) of value and second derivative about its sample.
+
+    Neighbours share readings of the angle: taken for independent, their accelerations would seem to
+    say less of what changes slowly.  And the variance is that of the parameters themselves: by a
+    fixed one, noise of the acceleration would make the inertia the smaller.
+    """
+
+    rows: NDArray[np.intp]
+    of_torque: float
+    of_angle: float
+    weights: Floats
+
+    def whitened(self, errors: Floats, p: Parameters) -> Floats:
+        """``errors`` (n), Nm, independent of each other and of variance 1."""
+        ratio = p["final_drive_ratio"]
+        takes = np.array([p["torsional_stiffness"] / ratio**2, p["structure_inertia"]])
+        per_angle = np.einsum("j,njk->nk", takes, self.weights)
+        bands = np.zeros((WINDOW, len(errors)))
+        bands[0] = self.of_torque
+        for later in range(min(WINDOW, len(errors))):
+            off = self.rows[later:] - self.rows[: len(self.rows) - later]
+            for shift in range(later, WINDOW):
+                both = per_angle[: len(off), shift:] * per_angle[later:, : WINDOW - shift]
+                bands[later, : len(off)] += self.of_angle * (off == shift) * both.sum(axis=1)
+        root = cholesky_banded(bands, lower=True)
+        return np.asarray(solve_banded((WINDOW - 1, 0), root, errors))
+
+
+def _noise(record: BenchRecord, time: Floats, rows: NDArray[np.intp]) -> EquationNoise:
+    torque, angle = (record.noise[name] for name in SIGNALS)
+    weights = polynomial_weights(time, WINDOW, ORDER)[rows][:, [0, 2]]
+    return EquationNoise(rows, torque**2, angle**2, weights)
 
 
 I8 = BenchExperiment(
