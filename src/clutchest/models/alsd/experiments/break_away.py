@@ -1,19 +1,33 @@
 """The pre-sliding curve of the motor's friction, from a current that rises slowly at rest.
 
-Slowly, bristles bend by (4) with g = T_S: the angle is −T_S/σ_0 ln(1 − T/T_S), where T is the
-motor's torque less what damping, viscous friction and inertia take at that rate of bending.
+The angle follows from (3) to (6) under a torque that rises evenly from zero, the motor at rest and
+its bristles straight: slowly, it is near −T_S/σ_0 ln(1 − T/T_S).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 
 from clutchest.models.alsd.experiments.motion import mean_about, window_means
 from clutchest.models.alsd.experiments.torque_constant import torque_constant
 from clutchest.models.experiments import BenchRecord, ExperimentCurve, Parameters
+from clutchest.native import compiled
 from clutchest.signals import Floats
+
+KEYS = (
+    "motor_inertia",
+    "motor_coulomb_torque",
+    "motor_static_torque",
+    "motor_stribeck_speed",
+    "motor_stribeck_exponent",
+    "motor_bristle_stiffness",
+    "motor_bristle_damping",
+    "motor_viscous",
+)
+_NUMBERS = np.dtype([(key, np.float64) for key in KEYS])
 
 LONGEST, SHORTEST = 2.5, 0.4  # s that a rise lasts
 SLOW = 0.8  # of a rise, from its begin until the motor slides: bends further are no longer slow
@@ -21,9 +35,40 @@ GRID, SMOOTHED = 0.02, 0.04  # s
 CREEPS = 2.0  # rad/s: slower, the motor counts as at rest
 UNEVEN = 1.3  # times the noise that a straight rise of the current may miss
 STARTS = 0.35  # of the current at break-away, from which the rise is followed at most
-ROUNDS = 3  # in which a rate of bending and what it takes of the torque agree
 FEWEST = 20  # readings of a rise
-NEAR = 0.95  # of T_S; beyond it the curve goes on straight
+STEP = 1e-3  # s of the integration: a bristle that rings turns by a tenth of a radian
+FOLLOWED = 5.0  # s at most
+
+
+@compiled
+def _rates(z, w, torque, p):  # type: ignore[no-untyped-def]
+    """Rates of the bristle, rad/s, and of the speed, rad/s², (3) to (6)."""
+    over = p.motor_static_torque - p.motor_coulomb_torque
+    slow = exp(-(abs(w / p.motor_stribeck_speed) ** p.motor_stribeck_exponent))
+    level = p.motor_coulomb_torque + over * slow
+    bends = w - p.motor_bristle_stiffness * abs(w) * z / level
+    friction = p.motor_bristle_stiffness * z + p.motor_bristle_damping * bends
+    return bends, (torque - friction - p.motor_viscous * w) / p.motor_inertia
+
+
+@compiled
+def _risen(rate, step, p, creeps, angle):  # type: ignore[no-untyped-def]
+    """The angle, rad, into ``angle`` (n), ``step`` s apart, under a torque that rises by ``rate``
+    Nm/s from zero, by Runge and Kutta; a motor faster than it ``creeps``, rad/s, stays as fast."""
+    z, w, x, half = 0.0, 0.0, 0.0, step / 2.0
+    for i in range(len(angle)):
+        angle[i] = x
+        if w > creeps:
+            x += step * creeps
+            continue
+        torque, between = rate * step * i, rate * step * (i + 0.5)
+        z1, w1 = _rates(z, w, torque, p)
+        z2, w2 = _rates(z + half * z1, w + half * w1, between, p)
+        z3, w3 = _rates(z + half * z2, w + half * w2, between, p)
+        z4, w4 = _rates(z + step * z3, w + step * w3, torque + rate * step, p)
+        x += step * (w + step / 6.0 * (w1 + w2 + w3))
+        z += step / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+        w += step / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +90,12 @@ class BreakAway:
     def bend(self, p: Parameters, torque: Floats, rate: float) -> Floats:
         """The angle, rad, that a torque (Nm) which rises at a ``rate`` (Nm/s) bends the bristles
         by."""
-        most, stiffness = p["motor_static_torque"], p["motor_bristle_stiffness"]
-        size = np.abs(torque)
-        for _ in range(ROUNDS):
-            speed = abs(rate) / (stiffness * (1 - np.minimum(size / most, NEAR)))
-            lost = p["motor_bristle_damping"] * abs(rate) / stiffness + p["motor_viscous"] * speed
-            lost += p["motor_inertia"] * speed**2 * stiffness / most
-            size = np.maximum(np.abs(torque) - lost, 0.0)
-        share = np.minimum(size / most, NEAR)
-        beyond = np.maximum(size / most - NEAR, 0.0) / (1 - NEAR)
-        bend = -np.log1p(-share) + beyond
-        return np.asarray(np.sign(torque) * bend * most / stiffness)
+        lasts = min(float(np.abs(torque).max()) / abs(rate), FOLLOWED)
+        time = np.linspace(0.0, lasts, int(np.ceil(lasts / STEP)) + 1)
+        angle = np.empty(len(time))
+        numbers = np.array([tuple(p[key] for key in KEYS)], _NUMBERS)
+        _risen(abs(rate), lasts / (len(time) - 1), numbers[0], CREEPS, angle)
+        return np.asarray(np.sign(torque) * np.interp(np.abs(torque / rate), time, angle))
 
     def torque(self, p: Parameters, own: Floats, time: Floats) -> Floats:
         """K_t i_a, Nm, of a current that rises evenly."""
