@@ -1,12 +1,15 @@
-"""The parameters that make equation errors least, each uncertain one within its prior."""
+"""The parameters by equation errors, each uncertain one within its prior: those that make the
+errors least, and from there their mean."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from clutchest.identify.posterior_mean import ErrorBlock, mean_less_mode
 from clutchest.models.experiments import EquationErrors
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -18,9 +21,10 @@ HALVINGS = 8
 
 @dataclass(frozen=True, slots=True)
 class BenchPosterior:
-    """Most probable numbers: ``values`` of the parameters ``keys`` (n) with their joint
-    ``covariance`` (n, n), in the parameters' units; ``own`` numbers of each record; ``scale`` of
-    each: by how much its equation errors exceed the noise, at least 1."""
+    """Mean numbers, or the most probable ones: ``values`` of the parameters ``keys`` (n) with their
+    joint ``covariance`` (n, n), in the parameters' units; ``own`` numbers of each record; ``scale``
+    of each: by how much its equation errors exceed the noise, at least 1; ``cost`` at the most
+    probable ones: −2 ln(probability) up to a constant."""
 
     keys: tuple[str, ...]
     values: Floats
@@ -95,8 +99,10 @@ def fit_errors(
     vehicle: Vehicle,
     held: Sequence[str] = (),
     widened: bool = True,
+    mean: bool = True,
 ) -> BenchPosterior:
-    """The most probable parameters, those ``held`` excepted, given all equation errors.
+    """The parameters, those ``held`` excepted, given all equation errors: their ``mean``, else the
+    most probable ones.
 
     Where errors exceed their noise, the standard deviations grow with them if ``widened``.
     """
@@ -110,16 +116,44 @@ def fit_errors(
         theta = _least(parts, unknowns, theta, scale)
     psi = _jacobian(parts, unknowns, theta, scale)
     covariance = np.linalg.inv(psi.T @ psi + np.eye(len(theta)))
-    n, (_, own) = len(acting), unknowns.numbers(theta)
+    cost, n = _cost(parts, unknowns, theta, scale), len(acting)
+    if mean:
+        blocks = _blocks(parts, unknowns, theta, scale, psi)
+        theta = theta + mean_less_mode(blocks, covariance)
+    numbers, own = unknowns.numbers(theta)
     unit = unknowns.unit[:n]
     return BenchPosterior(
         acting,
-        unknowns.start[:n] + unit * theta[:n],
+        np.array([numbers[key] for key in acting]),
         covariance[:n, :n] * np.outer(unit, unit),
         tuple(own),
         tuple(scale.tolist()),
-        _cost(parts, unknowns, theta, scale),
+        cost,
     )
+
+
+def _blocks(
+    parts: Sequence[EquationErrors],
+    unknowns: _Unknowns,
+    theta: Floats,
+    scale: Floats,
+    psi: Floats,
+) -> list[ErrorBlock]:
+    """The errors of every record about ``theta``, with their rows of ``psi``."""
+    blocks, first, row = [], len(unknowns.keys), 0
+    for i, (part, s) in enumerate(zip(parts, scale, strict=True)):
+        errors = partial(_stepped, part, i, unknowns, theta, float(s))
+        rows = slice(row, row + len(errors(np.zeros(len(theta)))))
+        acting = (*unknowns.acting[i], *range(first, first + unknowns.counts[i]))
+        blocks.append(ErrorBlock(errors, acting, psi[rows]))
+        first, row = first + unknowns.counts[i], rows.stop
+    return blocks
+
+
+def _stepped(
+    part: EquationErrors, index: int, unknowns: _Unknowns, theta: Floats, scale: float, step: Floats
+) -> Floats:
+    return unknowns.of(part, index, theta + step) / scale
 
 
 def _acting(parts: Sequence[EquationErrors], vehicle: Vehicle, keys: Sequence[str]) -> _Unknowns:

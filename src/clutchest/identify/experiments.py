@@ -215,7 +215,10 @@ def validate(holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle
     """Numbers in which the vehicles differ, on ``holdout``: all others are fitted to it within
     their spreads, once with the one and once with the other."""
     moved = [k for k, p in after.parameters.items() if p.value != before.parameters[k].value]
-    old, new = (fit_errors(reduced.errors, vehicle, moved, False) for vehicle in (before, after))
+    old, new = (
+        fit_errors(reduced.errors, vehicle, moved, widened=False, mean=False)
+        for vehicle in (before, after)
+    )
     errors = []
     for i, (experiment, part) in enumerate(reduced.parts):
         rms = [
