@@ -342,6 +342,28 @@ def test_i8_shows_the_torsional_stiffness() -> None:
     assert stiffness == pytest.approx(rig()["torsional_stiffness"], rel=0.05)
 
 
+def test_the_servo_torque_acts_when_it_is_recorded() -> None:
+    """In contact J_2 dω_m2/dt + σ_0.c dz(α_m2/K_g2, α_b2)/K_g2 + T_f2 is the torque of that time:
+    20 µs later, it would seem to be friction."""
+    profile = held(15.0, 3.0)
+    time = np.arange(len(profile)) * 1e-3
+    turn = np.maximum(time - 1.0, 0.0) * np.pi
+    profile["drive"], profile["driven"] = plant.TORQUE, 250.0 * np.sin(turn)
+    o, p = record(profile), rig()
+    angle = o["drive_angle"]
+    steps = (angle[4:] + angle[:-4], angle[3:-1] + angle[1:-3], angle[2:-2])
+    bent = (-steps[0] + 16.0 * steps[1] - 30.0 * steps[2]) / 12.0 / 1e-6
+    ratio = p["final_drive_ratio"]
+    twist = angle[2:-2] / ratio - p["differential_backlash"]
+    left = o["servo_torque"][2:-2] - p["structure_inertia"] * bent - p["driveline_friction"]
+    left -= p["torsional_stiffness"] * twist / ratio
+    speed = np.gradient(angle, 1e-3)[2:-2]
+    loading = (time[2:-2] > 1.2) & (time[2:-2] < 1.5) & (speed > 0.05)
+    rate = 250.0 * np.pi * np.cos(turn[2:-2])
+    late = np.sum((left * rate)[loading]) / np.sum((rate**2)[loading])
+    assert loading.sum() > 50 and abs(late) < 0.2 * plant.STEP
+
+
 def test_it_knows_the_effects_of_the_models_library() -> None:
     known = machine_of("alsd").effects
     assert set(EFFECTS) == set(known)
