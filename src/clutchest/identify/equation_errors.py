@@ -115,7 +115,7 @@ def fit_errors(
         scale = np.array([max(1.0, float(np.sqrt(np.mean(r**2)))) for r in left])
         theta = _least(parts, unknowns, theta, scale)
     psi = _jacobian(parts, unknowns, theta, scale)
-    covariance = np.linalg.inv(psi.T @ psi + np.eye(len(theta)))
+    covariance = np.asarray(np.linalg.inv(psi.T @ psi + np.eye(len(theta))), np.float64)
     cost, n = _cost(parts, unknowns, theta, scale), len(acting)
     if mean:
         blocks = _blocks(parts, unknowns, theta, scale, psi)
