@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
+import clutchest
+from clutchest.identify.bench_records import bench_records
 from clutchest.models.alsd.experiments import armature_heat, path_torque, torsion
 from clutchest.models.alsd.experiments.break_away import BreakAway
 from clutchest.models.alsd.experiments.motion import (
@@ -14,7 +19,7 @@ from clutchest.models.alsd.experiments.motion import (
     second_derivative_std,
     window_means,
 )
-from clutchest.models.alsd.experiments.motor_runs import FrictionRun, friction
+from clutchest.models.alsd.experiments.motor_runs import NODES, FrictionRun, friction, runs
 from clutchest.models.alsd.experiments.plateaus import centre, plateaus, speed
 from clutchest.models.alsd.experiments.torque_constant import torque_constant
 from clutchest.models.experiments import BenchRecord
@@ -133,6 +138,25 @@ def test_the_pre_sliding_curve_is_that_of_the_full_model():
     late = torque > 0.1 * torque[-1]
     assert rise.bend(RIG, torque, rate)[late] == pytest.approx(angle[late], rel=1e-3)
     assert rise.bend(RIG, -torque, -rate) == pytest.approx(-rise.bend(RIG, torque, rate))
+
+
+@pytest.mark.parametrize("measured", [True, False], ids=["voltage", "no voltage"])
+def test_a_run_whose_current_the_supply_no_longer_holds_is_none(measured):
+    """Of a specimen with little friction: its fastest runs meet the limit of the voltage halfway,
+    where no polynomial follows the speed; the slow ramp at the end goes up and down."""
+    rig = load_vehicle("alsd_rig")
+    changed = {"motor_viscous": 1.7e-4, "torque_constant": 0.0407}
+    p = {k: replace(v, value=changed.get(k, v.value)) for k, v in rig.parameters.items()}
+    vehicle = replace(rig, parameters=p)
+    log = clutchest.simulate(vehicle, "I5", 3, nominal=True)
+    record = bench_records(log, vehicle).records[0]
+    if not measured:
+        kept = {k: s for k, s in record.signals.items() if k != "armature_voltage"}
+        record = replace(record, signals=kept)
+    found = list(runs(record))
+    assert len(found) > 15
+    most = max(float(np.sum(run.white_errors(record.parameters) ** 2)) for run in found)
+    assert most < chi2.isf(1e-3 / len(found), len(NODES))
 
 
 def test_the_reset_springs_stiffness_is_the_slope_of_its_force():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import chdtri
 
 from clutchest.models.alsd.experiments.break_away import break_aways
 from clutchest.models.alsd.experiments.motion import Polynomial, mean_about
@@ -31,6 +32,8 @@ SETTLE, LEAST, LONGEST = 0.04, 0.08, 0.25
 ORDER = 5  # of the angle's polynomial, 4 of the speed's
 NODES = np.cos(np.pi * (np.arange(4) + 0.5) / 4)  # as many as the acceleration has coefficients
 FAST = 5.0  # Stribeck speeds: beyond, friction is Coulomb's and viscous
+BY_CHANCE = 1e-4  # of runs whose current is as even as a parabola that seem not to be
+LIMITED = 5.0  # standard deviations below the supply voltage
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +99,13 @@ def runs(record: BenchRecord) -> Iterator[FrictionRun]:
     angle, current, temp = (record.signals[name] for name in SIGNALS)
     slowest = FAST * record.parameters["motor_stribeck_speed"]
     for start, end in plateaus(record, SIGNALS[1:2], SETTLE, LEAST):
+        if not _even(record, start, end):
+            continue
         pieces = int(np.ceil((end - start) / LONGEST))
         edges = np.linspace(start, end, pieces + 1)
         for a, b in pairwise(edges):
-            if np.ptp(np.searchsorted(angle.time, (a, b))) < 2 * ORDER:
+            few = np.ptp(np.searchsorted(angle.time, (a, b))) < 2 * ORDER
+            if few or _at_the_limit(record, a, b):
                 continue
             fit = Polynomial.through(angle, a, b, ORDER)
             nodes = fit.middle + fit.reach * NODES
@@ -117,6 +123,30 @@ def runs(record: BenchRecord) -> Iterator[FrictionRun]:
                 record.noise[SIGNALS[0]] ** 2 * covariance,
                 record.noise[SIGNALS[1]] ** 2 * of_current,
             )
+
+
+def _even(record: BenchRecord, start: float, end: float) -> bool:
+    """Whether the current changes no more than a parabola does: what goes up and down again, or
+    falls from where the voltage is at its limit, gives an acceleration that no polynomial follows.
+    """
+    current = record.signals[SIGNALS[1]]
+    rows = slice(*np.searchsorted(current.time, (start, end)))
+    time, value = current.time[rows] - start, current.value[rows]
+    freedom = len(time) - 3
+    if freedom < 1:
+        return False
+    left = np.sum((value - np.polyval(np.polyfit(time, value, 2), time)) ** 2)
+    return bool(left < chdtri(freedom, BY_CHANCE) * record.noise[SIGNALS[1]] ** 2)
+
+
+def _at_the_limit(record: BenchRecord, start: float, end: float) -> bool:
+    """Whether the voltage, where it is measured, is what the supply has, so that it no longer
+    holds the current."""
+    if record.lacks(("armature_voltage",)):
+        return False
+    within = record.between(start, end).signals["armature_voltage"].value
+    most = record.parameters["supply_voltage"] - LIMITED * record.noise["armature_voltage"]
+    return bool(np.any(np.abs(within) > most))
 
 
 def _torque_speed(found: list[FrictionRun]) -> Iterator[ExperimentCurve]:
