@@ -12,7 +12,7 @@ from scipy.stats import chi2
 import clutchest
 from clutchest.identify.bench_records import bench_records
 from clutchest.models.alsd.experiments import armature_heat, path_torque, torsion
-from clutchest.models.alsd.experiments.break_away import BreakAway
+from clutchest.models.alsd.experiments.break_away import BreakAway, break_aways
 from clutchest.models.alsd.experiments.motion import (
     Polynomial,
     local_polynomial,
@@ -138,6 +138,25 @@ def test_the_pre_sliding_curve_is_that_of_the_full_model():
     late = torque > 0.1 * torque[-1]
     assert rise.bend(RIG, torque, rate)[late] == pytest.approx(angle[late], rel=1e-3)
     assert rise.bend(RIG, -torque, -rate) == pytest.approx(-rise.bend(RIG, torque, rate))
+
+
+def test_where_a_rise_of_the_current_begins_is_not_chosen_by_its_noise():
+    """A current of 0.3 A/s, its noise drawn six hundred times: readings that are known not to be
+    zero are too large, and the slope through them was a quarter of its deviation too small."""
+    time = np.arange(0.0, 2.6, 0.005)
+    rising = np.maximum(0.3 * (time - 1.0), 0.0)
+    angle = signal(time, np.maximum(60.0 * (time - 2.4), 0.0))
+    noise = {"armature_current": 0.03, "motor_angle": 2e-3, "armature_temp": 0.5}
+    random, off = np.random.default_rng(11), []
+    for _ in range(600):
+        noisy = signal(time, rising + 0.03 * random.standard_normal(len(time)))
+        signals = {"motor_angle": angle, "armature_current": noisy, "armature_temp": angle}
+        record = BenchRecord("motor-alone", signals, noise, dict.fromkeys(noise, 0.0), RIG)
+        for rise in break_aways(record):
+            since = rise.current_time - rise.current_time.mean()
+            off.append((rise.own[2, 0] - 0.3) * np.sqrt(np.sum(since**2)) / 0.03)
+    assert len(off) > 500
+    assert np.mean(off) == pytest.approx(0.0, abs=3.5 / np.sqrt(len(off)))
 
 
 @pytest.mark.parametrize("measured", [True, False], ids=["voltage", "no voltage"])

@@ -15,7 +15,7 @@ from clutchest.models.alsd.experiments.motion import mean_about, window_means
 from clutchest.models.alsd.experiments.torque_constant import torque_constant
 from clutchest.models.experiments import BenchRecord, ExperimentCurve, Parameters
 from clutchest.native import compiled
-from clutchest.signals import Floats
+from clutchest.signals import Floats, Signal
 
 KEYS = (
     "motor_inertia",
@@ -35,6 +35,7 @@ GRID, SMOOTHED = 0.02, 0.04  # s
 CREEPS = 2.0  # rad/s: slower, the motor counts as at rest
 UNEVEN = 1.3  # times the noise that a straight rise of the current may miss
 STARTS = 0.35  # of the current at break-away, from which the rise is followed at most
+ZERO, CLEAR = 3.0, 6.0  # standard deviations of a mean that may be zero, and of one that is not
 FEWEST = 20  # readings of a rise
 STEP = 1e-3  # s of the integration: a bristle that rings turns by a tenth of a radian
 FOLLOWED = 5.0  # s at most
@@ -151,13 +152,18 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
     amps, _ = window_means(current, edges)
     if len(amps) < 4 or not np.isfinite(amps).all():
         return None
-    zero = np.abs(amps) < 3 * noise("armature_current", int(SMOOTHED / GRID) + 1)
+    still = noise("armature_current", int(SMOOTHED / GRID) + 1)
+    zero = np.abs(amps) < ZERO * still
     if not zero.any():
         return None
     begin = edges[int(np.flatnonzero(zero)[-1])] + SMOOTHED
     # an end that the angle itself decided would leave out readings by their noise
     end = begin + SLOW * (sliding - begin)
-    of_angle, of_current = (slice(*np.searchsorted(s.time, (begin, end))) for s in (angle, current))
+    # noise kept the first windows from looking like zero, so that they are too large on average:
+    # by those the rise would be too flat, and the bristles too soft
+    clear = _passes(current, begin, end, CLEAR * still)
+    since = _passes(current, clear, end, ZERO * still)
+    of_angle, of_current = (slice(*np.searchsorted(s.time, (since, end))) for s in (angle, current))
     if of_angle.stop - of_angle.start < FEWEST:
         return None
     at_rest = np.median(angle.value[of_angle][:10])
@@ -166,7 +172,7 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
         return None
     (slope, level), left, *_ = np.polyfit(time - time[-1], value, 1, full=True)
     uneven = np.sqrt(left[0] / len(time)) > UNEVEN * record.noise["armature_current"]
-    if uneven or abs(level - slope * (time[-1] - time[0])) > STARTS * abs(level):
+    if uneven or abs(level - slope * (time[-1] - begin)) > STARTS * abs(level):
         return None
     temp = mean_about(record.signals["armature_temp"], float(time[-1]))
     spread = 10 * record.noise["armature_current"]
@@ -179,3 +185,14 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
         temp,
         np.array([[at_rest, 0.05], [level, spread], [slope, spread]]),
     )
+
+
+def _passes(current: Signal, start: float, end: float, amps: float) -> float:
+    """When, s, the line through the readings in ``start`` … ``end`` passes that many A, either way
+    from zero; at most SHORTEST before them."""
+    rows = slice(*np.searchsorted(current.time, (start, end)))
+    if rows.stop - rows.start < FEWEST:
+        return start
+    slope, level = np.polyfit(current.time[rows] - start, current.value[rows], 1)
+    wait = (amps - level * np.sign(slope)) / max(abs(slope), amps / LONGEST)
+    return start + float(np.clip(wait, -SHORTEST, end - start))
