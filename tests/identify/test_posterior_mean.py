@@ -13,7 +13,7 @@ from clutchest.identify.bench_records import bench_records
 from clutchest.identify.equation_errors import fit_errors
 from clutchest.identify.posterior_mean import ErrorBlock, mean_less_mode
 from clutchest.models.alsd.experiments import I8
-from clutchest.models.experiments import EquationErrors
+from clutchest.models.experiments import NO_OWN, EquationErrors
 from clutchest.vehicle import load_vehicle
 
 RIG = load_vehicle("alsd_rig")
@@ -52,6 +52,18 @@ def test_what_is_not_linear_is_the_mean_of_its_posterior_not_its_mode():
         off.append(np.abs(np.subtract(found, expected)))
     assert np.all(off[1] > 0.02)  # the mode is not the mean, in either number
     assert np.all(off[0] < 0.15 * off[1])
+
+
+def test_a_first_step_ends_in_no_minimum_far_from_what_was_known():
+    """Of a sine, whose slope at the start would lead three periods on."""
+
+    def errors(p, own):
+        x = (p[KEY] - PRIOR.value) / PRIOR.spread
+        return np.array([(0.932 - np.sin(0.2147 * x + x**2)) / 0.02])
+
+    posterior = fit_errors([EquationErrors(errors, NO_OWN)], RIG, widened=False, mean=False)
+    (value, _) = posterior.of(KEY)
+    assert (value - PRIOR.value) / PRIOR.spread == pytest.approx(0.99, abs=0.05)
 
 
 def test_a_mean_far_from_the_mode_is_not_given():

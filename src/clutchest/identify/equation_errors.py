@@ -17,6 +17,7 @@ from clutchest.vehicle import Vehicle
 STEP = 0.02  # of a prior's standard deviation, over which derivatives are taken
 ITERATIONS, ENOUGH = 30, 1e-5  # of −2 ln(probability) that a step still promises
 HALVINGS = 8
+FARTHEST = 1.0  # of a prior's standard deviation that a step goes: beyond, errors are not linear
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +211,8 @@ def _jacobian(
 def _least(
     parts: Sequence[EquationErrors], unknowns: _Unknowns, theta: Floats, scale: Floats
 ) -> Floats:
-    """Gauss–Newton with priors; a step that does not improve is halved."""
+    """Gauss–Newton with priors; a step that does not improve is halved, and none is so long that
+    it ends in a minimum far from what was known, which a long first step may improve into."""
     cost = _cost(parts, unknowns, theta, scale)
     for _ in range(ITERATIONS):
         r, psi = _stacked(parts, unknowns, theta, scale), _jacobian(parts, unknowns, theta, scale)
@@ -218,6 +220,7 @@ def _least(
         step = -np.linalg.solve(psi.T @ psi + np.eye(len(theta)), gradient)
         if -step @ gradient < ENOUGH:
             break
+        step *= min(1.0, FARTHEST / float(np.abs(step).max()))
         for _ in range(HALVINGS):
             if (new := _cost(parts, unknowns, theta + step, scale)) < cost:
                 theta, cost = theta + step, new
