@@ -344,7 +344,7 @@ def test_i8_shows_the_torsional_stiffness() -> None:
 
 def test_the_servo_torque_acts_when_it_is_recorded() -> None:
     """In contact J_2 dω_m2/dt + σ_0.c dz(α_m2/K_g2, α_b2)/K_g2 + T_f2 is the torque of that time:
-    20 µs later, it would seem to be friction."""
+    20 µs off, it would seem to be less friction."""
     profile = held(15.0, 3.0)
     time = np.arange(len(profile)) * 1e-3
     turn = np.maximum(time - 1.0, 0.0) * np.pi

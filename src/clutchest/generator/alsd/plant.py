@@ -282,7 +282,7 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
             driven = last.driven + share * (c.driven - last.driven)
             if i % SAMPLED == 0:
                 control(y, asked, driven, c, SAMPLED * h, p)
-            pushing = y.servo_torque  # at the step's begin: at its end, the mass would follow late
+            pushing = y.servo_torque  # at the step's begin: by that at its end the mass is early
             if c.drive == TORQUE:
                 y.servo_torque = driven
             actuate(y, c, h, p)
