@@ -33,7 +33,7 @@ def with_noise_again(problem: Problem, signals: Signals) -> Problem:
     """The same of ``signals``, its drives, with noise once more."""
     rng = np.random.default_rng(SEED)
     drives = [noisier(drive, problem.vehicle, rng) for drive in signals.drives]
-    return problem.of_drives(drives)
+    return problem.once_more(drives)
 
 
 def noisier(drive: Signals, vehicle: Vehicle, rng: np.random.Generator) -> Signals:
@@ -56,8 +56,7 @@ def noise_bias(
     the standard deviation of that, as it scatters from block to block: (m) each.  What is no more
     than this scatter is none.  ``again``: the same drives with noise once more."""
     once = objective.problem.linearise(lin.theta, lin.shapes, free, lin.implied)
-    implied = again.implied(lin.theta, lin.shapes)
-    twice = again.linearise(lin.theta, lin.shapes, free, implied)
+    twice = again.linearise(lin.theta, lin.shapes, free)
     drives = zip(objective.problem.drives, again.drives, strict=True)
     same = [_same(a.readings, b.readings) for a, b in drives]
     tables = zip(same, once, twice, strict=True)

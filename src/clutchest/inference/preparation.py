@@ -52,6 +52,22 @@ def prepared(
 ) -> PreparedDrive:
     """One drive, its inputs without their noise; what this does to the readings is not known yet.
     ``units`` (m) of the compiled model's thetas."""
+    drive = _with_any_readings(signals, vehicle, compiled)
+    by = Derivatives.of(drive, len(units))
+    response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)), by)
+    drive = replace(drive, gains=gains, at_nominal=response.implied)
+    return replace(drive, readings=_readings(drive, by.table, units, signals, vehicle))
+
+
+def prepared_like(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> PreparedDrive:
+    """The ``signals`` of the same drive once more, with all their readings: those that respond to
+    nothing too."""
+    other = _with_any_readings(signals, vehicle, drive.compiled)
+    return replace(other, nominal=drive.nominal)
+
+
+def _with_any_readings(signals: Signals, vehicle: Vehicle, compiled: Compiled) -> PreparedDrive:
+    """One drive whose gains, and which of its events count as readings, is not known yet."""
     model, signals = compiled.model, evenly_late(signals, vehicle)
     which = np.array([state.name in model.followed for state in model.states])
     whole = _timeline(signals, vehicle, model, which)
@@ -63,7 +79,7 @@ def prepared(
     inputs = _inputs(signals, vehicle, model, line, whole, tracked.act)
     off = np.column_stack([each.off(line.t, inputs.spacing) for each in inputs.interpolated])
     first = nominal(compiled, whole)
-    drive = PreparedDrive(
+    return PreparedDrive(
         compiled,
         without_noise(replace(line, u=line.u - off), inputs, compiled, first),
         _unaveraged(whole, model),
@@ -78,10 +94,6 @@ def prepared(
         OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
         constant(len(line.t)),
     )
-    by = Derivatives.of(drive, len(units))
-    response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)), by)
-    drive = replace(drive, gains=gains, at_nominal=response.implied)
-    return replace(drive, readings=_readings(drive, by.table, units, signals, vehicle))
 
 
 def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers) -> PreparedDrive:

@@ -16,7 +16,12 @@ from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Derivatives, Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
-from clutchest.inference.preparation import prepared, with_gains_at, with_input_noise_at
+from clutchest.inference.preparation import (
+    prepared,
+    prepared_like,
+    with_gains_at,
+    with_input_noise_at,
+)
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.smooth_errors import acting_by
 from clutchest.inference.unknowns import (
@@ -136,12 +141,11 @@ class Problem:
         )
         return problem.with_input_noise_at(near) if input_noise else problem
 
-    def of_drives(self, signals: Sequence[Signals]) -> Problem:
-        """The same of as many other drives, states tracked by the gains that the filter has
-        there; what noise of the inputs does to the readings is not known."""
-        starts = [t for t in self.thetas if isinstance(t, InitialState) and t.drive == 0]
-        units = np.array([t.unit for t in (*self.thetas[: self.shared], *starts)])
-        drives = tuple(prepared(each, self.vehicle, self.compiled, units) for each in signals)
+    def once_more(self, signals: Sequence[Signals]) -> Problem:
+        """The same drives with these ``signals`` in place of their own, states tracked by the gains
+        that the filter has there, and with all readings."""
+        pairs = zip(self.drives, signals, strict=True)
+        drives = tuple(prepared_like(drive, each, self.vehicle) for drive, each in pairs)
         return replace(self, drives=drives).with_gains_at(self.near)
 
     def with_gains_at(self, theta: Floats) -> Problem:
