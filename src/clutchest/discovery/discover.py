@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -32,9 +32,9 @@ from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
 from clutchest.discovery.identifiable import identifiability, not_testable, untested_effects
 from clutchest.discovery.misfit import misfit
+from clutchest.discovery.outcome import Outcome
 from clutchest.discovery.own_noise import loud, with_noise_of_likeliest
-from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
+from clutchest.discovery.result import Cause, Discovery, Experiment, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
@@ -152,12 +152,16 @@ class _Task:
         return problem
 
     def with_disagreement(
-        self, outcome: _Outcome, where: Where | None
-    ) -> tuple[_Outcome, Where | None]:
+        self, outcome: Outcome, where: Where | None
+    ) -> tuple[Outcome, Where | None]:
         """What was found and where, where no cause has a name behind the speeds' disagreement."""
         if self.off is None or outcome.named:
             return outcome, where
         return replace(outcome, name="unknown"), self.off.before(where)
+
+    def foreseen(self, begun: float) -> _Task:
+        """The same whose progress says how long it may take, by what took from ``begun`` s on."""
+        return replace(self, progress=foreseen(self.progress, begun)) if self.progress else self
 
     def show(self, text: str) -> None:
         """Report progress."""
@@ -165,43 +169,12 @@ class _Task:
             self.progress(text, None)
 
 
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    """The verdict after held-out drives were asked: its ``name``, ``errors`` as curves, the
-    ``curve`` that stands for an unnamed one or corrects the form of a cause, the ``gain``, and
-    warnings; ``added``: effect → whether the curve of its form is added, in words."""
-
-    name: str
-    errors: Sequence[Curve]
-    curve: Curve | None
-    gain: Gain | None
-    warnings: tuple[str, ...] = ()
-    added: Mapping[str, str] = field(default_factory=dict)
-
-    def with_forms(self, causes: Sequence[Cause]) -> tuple[Cause, ...]:
-        """The causes, with what became of the curves of their forms."""
-        return tuple(
-            replace(c, form=replace(c.form, added=self.added.get(c.effect, ""))) for c in causes
-        )
-
-    def doubted_at(self, search: Search) -> _Outcome:
-        """The same where residuals are not noise, more surely than what was found is not."""
-        errors = errors_without_causes(search) if self.named else self.errors
-        return replace(self, name="unknown", errors=errors, curve=None, gain=None, added={})
-
-    @property
-    def named(self) -> bool:
-        """Whether causes have names."""
-        return self.name in ("named", "ambiguous")
-
-
 def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discovery:
     """Identify causes, extend the vehicle with them, and measure the gain."""
     begun = perf_counter()
     first = [with_noise_of_likeliest(begin(task.problem(task.signals), task.progress))]
     problem = first[0].problem
-    if task.progress:
-        task = replace(task, progress=foreseen(task.progress, begun))
+    task = task.foreseen(begun)
     identifiable = (
         *identifiability(first[0].candidates, problem.units, first[0].null_scores, LEVEL),
         *not_testable(problem, task.testable),
@@ -267,9 +240,9 @@ def _tested(
     return first, second[0] if second else None
 
 
-def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:
+def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> Outcome:
     """The verdict, measured on held-out drives, which may reject it."""
-    outcome = _Outcome(verdict.name, verdict.errors, None, None)
+    outcome = Outcome(verdict.name, verdict.errors, None, None)
     if verdict.name == "none":
         return outcome if other else replace(outcome, warnings=doubtful(verdict.errors))
     task.show("measuring the gain on held-out data")
@@ -291,16 +264,16 @@ def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
     return replace(outcome, curve=curve, added=added)
 
 
-def _rejected(verdict: SearchVerdict, outcome: _Outcome) -> _Outcome:
+def _rejected(verdict: SearchVerdict, outcome: Outcome) -> Outcome:
     """What held-out drives have rejected."""
     what = " and ".join(sorted(verdict.best.names))
     if verdict.unnamed:
         what = f"an error in '{outcome.errors[0].equation}'"
     errors = outcome.errors if verdict.unnamed else errors_without_causes(verdict.search)
-    return _Outcome("none", errors, None, None, (not_confirmed(what),))
+    return Outcome("none", errors, None, None, (not_confirmed(what),))
 
 
-def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:
+def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> Outcome:
     """The errors as curves, those of the leading equation as held-out drives rank them; the one
     that stands for a cause without a name, and what it gains there."""
     errors, search = verdict.errors, verdict.search
@@ -311,14 +284,14 @@ def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
     if other is None:
         lasting = [c for c, can in zip(leading, usable, strict=True) if can and c.covariate != TIME]
         curve = max(lasting, key=lambda c: c.evidence, default=None)
-        return _Outcome("unknown", errors, curve, None)
+        return Outcome("unknown", errors, curve, None)
     held_out = HeldOutCurves.of(search, leading, other())
     curve, gain = held_out.best(usable)
-    return _Outcome("unknown", [*held_out.ranked(), *errors], curve, gain)
+    return Outcome("unknown", [*held_out.ranked(), *errors], curve, gain)
 
 
 def _extended(
-    task: _Task, verdict: SearchVerdict, outcome: _Outcome, causes: Sequence[Cause]
+    task: _Task, verdict: SearchVerdict, outcome: Outcome, causes: Sequence[Cause]
 ) -> tuple[Vehicle, str | None, list[str]]:
     """The extended vehicle, the name of its curve, and why it was refused where it was."""
     if outcome.gain is not None and outcome.gain.total < 0.0:
@@ -375,7 +348,7 @@ def _other(task: _Task) -> HeldOut | None:
 
 
 def _experiment(
-    task: _Task, verdict: SearchVerdict, outcome: _Outcome, where: Where | None
+    task: _Task, verdict: SearchVerdict, outcome: Outcome, where: Where | None
 ) -> Experiment | None:
     """What would separate the causes, where they are ambiguous, or equations in one of which the
     error is."""

@@ -37,6 +37,10 @@ AHEAD = 0.05  # of a step: where the bend of a valley is measured
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
+CLOSELY = (
+    0.3  # of what a step promises, by which it gains another amount: it is nearly linear there
+)
+CHORDS = 4  # steps by derivatives of the place before, at most
 SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NEARLY = (
     10.0  # of the sum of squares: the noise model is estimated again when it changes it by more
@@ -192,8 +196,7 @@ def improve(
     """
     if lin.active is not None and not len(lin.active):
         lin = objective.relinearise(lin, lin.theta, active=free)
-    best, damping, climbs = lin, 0.0, 0
-    counted = _Counted(lin.cost)
+    best, counted, damping, climbs = lin, _Counted(lin.cost), 0.0, 0
     last, bend, share = np.zeros(len(lin.theta)), None, 1.0
     for _ in range(STEPS):
         move = step(objective, lin, free, damping)
@@ -210,11 +213,12 @@ def improve(
             break
         if there.cost < best.cost:
             gained, climbs, damping = best.cost - there.cost, 0, damping / 10.0
-            last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
             ends = straight and gained < max(tolerance.step, tolerance.share * there.cost)
-            if not derivatives and (ends or (straight and _is_last(objective, lin, there, free))):
+            there, arrived = _by_chords(objective, lin, there, free, straight and not ends)
+            if not derivatives and (ends or arrived):
                 return there
-            if known := _known(objective, lin, theta, free):
+            last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
+            if known := _known(objective, lin, there.theta, free):
                 best = lin = known
                 if ends:
                     break
@@ -245,13 +249,30 @@ def _known(
     return there if np.isfinite(there.cost) else None
 
 
-def _is_last(
-    objective: Objective, lin: Linearisation, there: Linearisation, free: NDArray[np.int64]
-) -> bool:
-    """Whether no step from ``there``, without derivatives, leads further: by those of ``lin``, from
-    where a step has led there."""
-    chord = replace(there, by_active=lin.by_active, active=lin.active)
-    return _promised(objective, chord, step(objective, chord, free)) < SURE * SETTLED
+def _by_chords(
+    objective: Objective,
+    lin: Linearisation,
+    there: Linearisation,
+    free: NDArray[np.int64],
+    wanted: bool,
+) -> tuple[Linearisation, bool]:
+    """Further steps, if ``wanted``, from where one has led ``there`` from ``lin``, by the
+    derivatives of that place, which take several times as long as innovations: each where the one
+    before gained nearly what it promised.  Where they lead, and whether none leads further."""
+    kept, promised = lin.cost - there.cost, _promised(objective, lin, there.theta - lin.theta)
+    for _ in range(CHORDS * wanted):
+        chord = replace(there, by_active=lin.by_active, active=lin.active)
+        move = step(objective, chord, free)
+        nearly = abs(kept - promised) < CLOSELY * promised
+        if (promised := _promised(objective, chord, move)) < SURE * SETTLED:
+            return there, True
+        if not nearly:
+            break
+        theta = objective.within_bounds(there.theta + move, free)
+        further = objective.relinearise(there, theta, active=NO_DERIVATIVES)
+        kept = there.cost - further.cost
+        there = further if kept > 0.0 else there
+    return there, False
 
 
 def _bend(
