@@ -44,6 +44,25 @@ def test_optimum_is_that_of_least_squares(seed):
         assert off @ (best.jac.T @ best.jac) @ off < 2 * SETTLED
 
 
+def test_what_is_nearly_linear_is_fitted_by_few_derivatives(monkeypatch):
+    """Several steps to the optimum, all by the derivatives of the start."""
+    true = np.array([0.5, -0.6, 0.8])
+    data = decay(true) + 0.01 * np.random.default_rng(8).standard_normal(len(TIME))
+    problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
+    begin = problem.objective.linearise_at(true + 0.4)
+    made, again = [], Objective.relinearise
+
+    def counted(self, lin, theta, shapes=None, active=None):
+        made.append(active is None or len(active) > 0)
+        return again(self, lin, theta, shapes, active)
+
+    monkeypatch.setattr(Objective, "relinearise", counted)
+    fit = improve(problem.objective, begin, problem.all, derivatives=False)
+    best = problem.reference(true)
+    assert 2 * best.cost - 1e-9 <= fit.cost < 2 * best.cost + SETTLED
+    assert sum(made) == 0 and len(made) >= 2
+
+
 def test_a_fit_goes_on_from_one_without_derivatives():
     data = decay(np.array([0.5, -1.0, 0.8])) + np.random.default_rng(6).standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
