@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from linear_drive import FAULTS, STATES, THETAS, linear_drive
 
+import clutchest
 from clutchest.diagnosis.blocks import block_index
 from clutchest.diagnosis.recursive_residuals import nuisances, onset_scores, recursive_residuals
+from clutchest.generator.mismatch import Mismatch
 from clutchest.inference.unknowns import InitialState, UnknownGain
+from clutchest.vehicle.state_uncertainty import Wander
 
 
 def test_residuals_are_the_innovations_of_the_whole_linear_drive():
@@ -71,6 +74,22 @@ def test_a_healthy_clutch_may_start_warm():
     _, variance, per_hour = nuisances(thetas, STATES)
     assert variance.tolist() == [(40.0 / 8.0) ** 2, 1.0]
     assert per_hour.tolist() == [0.0, 1.0]
+
+
+def test_a_healthy_clutch_may_wander_as_its_file_states():
+    """A torque bias by 0.5 Nm/√s is six starts of 5 Nm in an hour; friction no less than ever."""
+    thetas = (InitialState("torque_bias", 5.0), InitialState("friction", 0.02))
+    stated = (Wander("torque_bias", 0.5), Wander("friction", 1e-4))
+    assert nuisances(thetas, STATES, stated)[2] == pytest.approx([36.0, 1.0])
+
+
+@pytest.mark.slow
+def test_a_torque_bias_that_wanders_as_the_file_states_is_no_fault():
+    """It was, by 10.9 ± 1.7 Nm, where 30 Nm matter."""
+    wandering = Mismatch.drawn(["wander"], 88013)
+    run = clutchest.simulate("truck", "mixed", 88013, duration=900.0, mismatch=wandering)
+    assert np.ptp(run.truth.columns["torque_bias"]) > 10.0
+    assert clutchest.diagnose(run, "truck").faults == ()
 
 
 def test_a_pause_or_its_length_ends_a_block():

@@ -28,6 +28,7 @@ from clutchest.models.symbols import State
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import Wander, wander
 
 PAUSE_S, LONGEST_S = 2.0, 5.0  # a longer pause ends a block, and so does this length
 OUTLIER = 5.0  # standard deviations after whitening; such a reading is left out
@@ -38,12 +39,14 @@ STRETCH = 3000  # readings that are fitted together when the noise model is esti
 class Blocks:
     """The B blocks of one drive.
 
-    ``states`` of the machine, whose initial values are among the ``thetas`` (m); ``begin``, ``end``
-    s (B); ``count`` of readings (B); ``gram`` (B, 1 + m, 1 + m) of the whitened innovations at
-    θ = 0 and their derivatives by each of the thetas in its unit.
+    ``states`` of the machine, whose initial values are among the ``thetas`` (m), and how far they
+    ``wander`` in a healthy vehicle, where they do; ``begin``, ``end`` s (B); ``count`` of readings
+    (B); ``gram`` (B, 1 + m, 1 + m) of the whitened innovations at θ = 0 and their derivatives by
+    each of the thetas in its unit.
     """
 
     states: tuple[State, ...]
+    wander: tuple[Wander, ...]
     thetas: tuple[Unknown, ...]
     begin: Floats
     end: Floats
@@ -77,13 +80,13 @@ def blocks_of(
     thetas → initial size, in units, of the fit.
     """
     problem = with_fitted_gains(Problem.of(signals, vehicle, effects, progress, input_noise=False))
-    readings = problem.drives[0].readings
-    thetas = problem.thetas
+    readings, thetas = problem.drives[0].readings, problem.thetas
+    healthy = vehicle.machine.states, wander(vehicle, problem.compiled.model)
     if not len(readings.t):
         nothing = np.zeros(0)
         size = 1 + len(thetas)
         gram = np.zeros((0, size, size))
-        return Blocks(vehicle.machine.states, thetas, nothing, nothing, np.zeros(0, int), gram)
+        return Blocks(*healthy, thetas, nothing, nothing, np.zeros(0, int), gram)
     if progress:
         progress("linearising", None)
     start = problem.near.copy()
@@ -95,12 +98,12 @@ def blocks_of(
     fit = fit.as_point
     [rows] = objective.relinearise(fit, fit.theta).raw
     at_zero = np.column_stack([rows.r - rows.psi @ fit.theta, rows.table[:, 1:]])
-    return _blocks(readings, vehicle.machine.states, thetas, replace(rows, table=at_zero))
+    return _blocks(readings, healthy, thetas, replace(rows, table=at_zero))
 
 
 def _blocks(
     readings: Readings,
-    states: tuple[State, ...],
+    healthy: tuple[tuple[State, ...], tuple[Wander, ...]],
     thetas: tuple[Unknown, ...],
     rows: NormalisedInnovations,
 ) -> Blocks:
@@ -117,7 +120,8 @@ def _blocks(
         gram.append(white[own].T @ white[own])
         begin.append(readings.t[own].min())
         end.append(readings.t[own].max())
-    return Blocks(states, thetas, np.array(begin), np.array(end), np.diff(edges), np.array(gram))
+    times = np.array(begin), np.array(end)
+    return Blocks(*healthy, thetas, *times, np.diff(edges), np.array(gram))
 
 
 def block_index(t: Floats) -> NDArray[np.int64]:

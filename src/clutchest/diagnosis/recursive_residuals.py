@@ -23,9 +23,11 @@ from clutchest.diagnosis.blocks import Blocks
 from clutchest.inference.unknowns import InitialState, StatedGain, Unknown, UnknownGain
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
+from clutchest.vehicle.state_uncertainty import Wander
 
 # Of the most that a block of the drive tells of a fault: less is noise of the inputs, of which
 # derivatives hold some.  The innovations hold it too, so that it does not look like noise.
+HOUR = 3600.0  # s
 FAINT = 1e-3
 
 
@@ -66,15 +68,20 @@ class OnsetScores:
 
 
 def nuisances(
-    thetas: Sequence[Unknown], states: Sequence[State]
+    thetas: Sequence[Unknown], states: Sequence[State], wander: Sequence[Wander] = ()
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Indices (n) of those of the ``thetas`` in which healthy vehicles differ, their prior
     variances (n) and the increase of these per hour (n), all in units; ``states`` of the machine,
-    whose initial values are among the thetas."""
+    whose initial values are among the thetas, and how far they ``wander`` by the vehicle's file."""
     known = {state.name: state for state in states}
     initial = [known.get(t.state) if isinstance(t, InitialState) else None for t in thetas]
     variance = np.array([_variance(t, state) for t, state in zip(thetas, initial, strict=True)])
-    per_hour = np.array([state.drift**2 if state else 0.0 for state in initial])
+    stated = {each.state: each.density * np.sqrt(HOUR) for each in wander}
+    drift = [
+        max(state.drift, stated.get(state.name, 0.0) / t.unit) if state else 0.0
+        for t, state in zip(thetas, initial, strict=True)
+    ]
+    per_hour = np.square(drift)
     free = np.flatnonzero(variance)
     return free, variance[free], per_hour[free]
 
@@ -93,13 +100,13 @@ def _variance(unknown: Unknown, state: State | None) -> float:
 
 def recursive_residuals(blocks: Blocks, faults: Sequence[int]) -> RecursiveResiduals:
     """Residuals of the faults at these indices of ``blocks.thetas``."""
-    free, variance, per_hour = nuisances(blocks.thetas, blocks.states)
+    free, variance, per_hour = nuisances(blocks.thetas, blocks.states, blocks.wander)
     n, f = 1 + free, 1 + np.array(faults, np.int64)
     mean, P = np.zeros(len(free)), np.diag(variance)
     z, information = np.zeros((len(blocks), len(f))), np.zeros((len(blocks), len(f)))
     chi_square, before = np.zeros(len(blocks)), []
     for k, g in enumerate(blocks.gram):
-        P = P + np.diag(per_hour * blocks.pause(k) / 3600.0)
+        P = P + np.diag(per_hour * blocks.pause(k) / HOUR)
         before.append(PredictedState(mean, P))
         A, F = g[np.ix_(n, n)], g[np.ix_(f, n)]
         e_n, e_f = g[n, 0] + A @ mean, g[f, 0] + F @ mean
@@ -121,7 +128,7 @@ def onset_scores(
     """Scores by blocks ``onset`` to ``until`` (exclusive) of faults at these indices of
     ``blocks.thetas`` that begin with block ``onset``; ``before`` as :func:`recursive_residuals`
     returns it."""
-    free, _, per_hour = nuisances(blocks.thetas, blocks.states)
+    free, _, per_hour = nuisances(blocks.thetas, blocks.states, blocks.wander)
     n, f = 1 + free, 1 + np.array(faults, np.int64)
     P, absorbed = before[onset].covariance, np.zeros((len(free), len(f)))
     score = np.zeros((until - onset, len(f)))
@@ -129,7 +136,7 @@ def onset_scores(
     for k in range(onset, until):
         g, mean = blocks.gram[k], before[k].mean
         if k > onset:
-            P = P + np.diag(per_hour * blocks.pause(k) / 3600.0)
+            P = P + np.diag(per_hour * blocks.pause(k) / HOUR)
         A, F = g[np.ix_(n, n)], g[np.ix_(f, n)]
         after = posterior(P, A)
         # derivative by one unit of the fault: direct, and through the estimates that absorbed it
