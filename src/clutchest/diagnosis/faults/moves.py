@@ -53,7 +53,11 @@ class Moves(Protocol):
 
 
 class Following:
-    """Moves of a leader between samples of its follower, beyond the leader's free stroke."""
+    """Moves of a leader between samples of its follower, beyond the leader's free stroke.
+
+    Both as the middle one of three readings has them: a single reading far off, of which heavy
+    tails of noise have some in an hour, is a move and a move back that nothing follows.
+    """
 
     never = "never moved beyond its free stroke"
     needed, harmless = 3, True
@@ -63,16 +67,16 @@ class Following:
         follower, leader = (vehicle.signals[n].noise for n in (pair.follower, pair.leader))
         self.stroke, self.std = pair.stroke, float(np.hypot(follower, leader))
         self._last: tuple[float, float, float] | None = None
+        self._latest = np.zeros((0, 3))  # the last two samples: time, follower, leader
 
     def take(self, follower: Signal, leader: Signal) -> list[Move]:
         """See :meth:`Moves.take`."""
         moves = []
-        for t, f, m in zip(
-            follower.time.tolist(),
-            follower.value.tolist(),
-            np.interp(follower.time, leader.time, leader.value).tolist(),
-            strict=True,
-        ):
+        leading = np.interp(follower.time, leader.time, leader.value)
+        new = np.column_stack([follower.time, follower.value, leading])
+        samples = np.concatenate([self._latest, new])
+        self._latest = samples[-2:]
+        for t, f, m in _middle_of_three(samples).tolist():
             before = self._last
             if before is None or t - before[0] > LONGEST_S or min(m, before[2]) < self.stroke:
                 self._last = t, f, m
@@ -81,6 +85,13 @@ class Following:
                 moves.append(Move(before[0], before[0], t, asked, asked, f - before[1]))
                 self._last = t, f, m
         return moves
+
+
+def _middle_of_three(samples: Floats) -> Floats:
+    """Of samples (k, c) the middle value of every three in a row (k − 2, c)."""
+    before, own, after = samples[:-2], samples[1:-1], samples[2:]
+    lower, upper = np.minimum(before, own), np.maximum(before, own)
+    return np.maximum(lower, np.minimum(upper, after))
 
 
 @dataclass(slots=True)
