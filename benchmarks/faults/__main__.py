@@ -23,11 +23,12 @@ import injected
 import pictures
 import recorded
 import residuals
+import unlike
 from parallel import ran
 
 import clutchest
 
-PARTS = ("healthy", "hot", "residuals", "injected", "recorded")
+PARTS = ("healthy", "hot", "unlike", "residuals", "injected", "recorded")
 
 
 def main() -> None:
@@ -39,6 +40,7 @@ def main() -> None:
     parser.add_argument(
         "--hot", type=int, default=20, help="drives per heat condition and scenario"
     )
+    parser.add_argument("--unlike", type=int, default=4, help="drives of trucks unlike the model")
     parser.add_argument("--injected", type=int, default=10, help="drives per fault")
     parser.add_argument("--hours", type=float, default=20_000.0, help="simulated at residual level")
     parser.add_argument("--trials", type=int, default=400, help="faults simulated per size")
@@ -77,6 +79,16 @@ def main() -> None:
         ran("hot", healthy.record, tasks, given.jobs)
         results["hot"] = healthy.tally(hot)
         print(json.dumps(results["hot"], indent=1))
+    if "unlike" in given.parts:
+        drives = given.out / "unlike"
+        drives.mkdir(exist_ok=True)
+        tasks = [
+            (given.vehicle, group, given.first + i, drives)
+            for i in range(given.unlike)
+            for group in unlike.GROUPS
+        ]
+        results["unlike"] = unlike.table(ran("unlike", unlike.record, tasks, given.jobs))
+        print(json.dumps(results["unlike"], indent=1))
     if "residuals" in given.parts:
         machine = clutchest.load_vehicle(given.vehicle).machine
         records = residuals.loaded(folder)
