@@ -57,7 +57,7 @@ def test_what_is_nearly_linear_is_fitted_by_few_derivatives(monkeypatch):
         return again(self, lin, theta, shapes, active)
 
     monkeypatch.setattr(Objective, "relinearise", counted)
-    fit = improve(problem.objective, begin, problem.all, derivatives=False)
+    fit = improve(problem.objective, begin, problem.all, derivatives=False, chords=4)
     best = problem.reference(true)
     assert 2 * best.cost - 1e-9 <= fit.cost < 2 * best.cost + SETTLED
     assert sum(made) == 0 and len(made) >= 2

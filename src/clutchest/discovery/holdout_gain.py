@@ -32,6 +32,7 @@ BLOCK = 20.0  # s; what lies closer together is not independent
 FEWEST, LEAST = 12, 16  # blocks of a short record, and readings of a slow one in each
 RESAMPLED = 1000
 PARTS = 4  # of a log, for cross-validation
+CHORDS = 4  # what fits a log fits most of it nearly as well
 
 
 def held_out_gain(
@@ -105,11 +106,12 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
             rest = objective.without(part == k)
             white = rest.whitened(fit, free)
             rest = rest.with_span([white.by_active])
-            at = improve(rest, rest.judged(white), free, derivatives=False).as_point
-            del white, rest  # before others are made
+            begin = rest.judged(white)
+            at = improve(rest, begin, free, derivatives=False, chords=CHORDS).as_point
+            del white, rest, begin  # before others are made
             at = objective.relinearise(at, at.theta, active=NO_DERIVATIVES)
             begin = replace(at, by_active=by_starts, active=starts)  # it is not far from the fit
-            held_out = improve(objective, begin, starts, derivatives=False)
+            held_out = improve(objective, begin, starts, derivatives=False, chords=CHORDS)
             return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
 
         parts = concurrently(problem, 2 * len(free), predicted, range(PARTS))

@@ -37,10 +37,7 @@ AHEAD = 0.05  # of a step: where the bend of a valley is measured
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
-CLOSELY = (
-    0.3  # of what a step promises, by which it gains another amount: it is nearly linear there
-)
-CHORDS = 4  # steps by derivatives of the place before, at most
+CLOSELY = 0.3  # of what a step promises, by which it may gain more or less: it is nearly linear
 SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NEARLY = (
     10.0  # of the sum of squares: the noise model is estimated again when it changes it by more
@@ -186,16 +183,16 @@ def improve(
     tolerance: Tolerance = COARSE,
     *,
     derivatives: bool = True,
+    chords: int = 0,
 ) -> Linearisation:
-    """The same from a linearisation on; without ``derivatives`` where they are not asked for, which
-    take several times as long as innovations alone.
+    """The same from a linearisation on, with its ``derivatives``, which take several times as long
+    as innovations; without them, by as many ``chords``: steps by those of the place before.
 
-    Valleys bend: a step along one may climb its wall, and the next one falls back onto its floor
-    further on.  So a few climbs are let pass before steps are damped (Levenberg, Marquardt).  One
-    that leaves the valley altogether is bent as the valley is, and shortened until it stays within.
+    Valleys bend: a step along one may climb its wall, and the next falls back onto its floor.  So a
+    few climbs are let pass before steps are damped (Levenberg, Marquardt).  One that leaves the
+    valley altogether is bent as the valley is, and shortened until it stays within.
     """
-    if lin.active is not None and not len(lin.active):
-        lin = objective.relinearise(lin, lin.theta, active=free)
+    lin = _with_derivatives(objective, lin, free)
     best, counted, damping, climbs = lin, _Counted(lin.cost), 0.0, 0
     last, bend, share = np.zeros(len(lin.theta)), None, 1.0
     for _ in range(STEPS):
@@ -214,8 +211,9 @@ def improve(
         if there.cost < best.cost:
             gained, climbs, damping = best.cost - there.cost, 0, damping / 10.0
             ends = straight and gained < max(tolerance.step, tolerance.share * there.cost)
-            there, arrived = _by_chords(objective, lin, there, free, straight and not ends)
-            if not derivatives and (ends or arrived):
+            if straight and not (ends or derivatives):
+                there, ends = _by_chords(objective, lin, there, free, chords)
+            if ends and not derivatives:
                 return there
             last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
             if known := _known(objective, lin, there.theta, free):
@@ -223,8 +221,7 @@ def improve(
                 if ends:
                     break
                 continue
-        last = 0.0 * path
-        may_fall = bend is None and best.cost <= there.cost < WALL * best.cost
+        last, may_fall = 0.0 * path, bend is None and best.cost <= there.cost < WALL * best.cost
         climbs += may_fall
         if may_fall and climbs <= PATIENCE and (known := _known(objective, lin, theta, free)):
             lin = known
@@ -241,6 +238,14 @@ def improve(
     return best
 
 
+def _with_derivatives(
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64]
+) -> Linearisation:
+    if lin.active is not None and not len(lin.active):
+        return objective.relinearise(lin, lin.theta, active=free)
+    return lin
+
+
 def _known(
     objective: Objective, lin: Linearisation, theta: Floats, free: NDArray[np.int64]
 ) -> Linearisation | None:
@@ -254,19 +259,19 @@ def _by_chords(
     lin: Linearisation,
     there: Linearisation,
     free: NDArray[np.int64],
-    wanted: bool,
+    most: int,
 ) -> tuple[Linearisation, bool]:
-    """Further steps, if ``wanted``, from where one has led ``there`` from ``lin``, by the
-    derivatives of that place, which take several times as long as innovations: each where the one
-    before gained nearly what it promised.  Where they lead, and whether none leads further."""
+    """As many as ``most`` steps from where one has led ``there`` from ``lin``, by the derivatives
+    of that place, each where the one before gained nearly what it promised.  Where they lead, and
+    whether none leads further."""
     kept, promised = lin.cost - there.cost, _promised(objective, lin, there.theta - lin.theta)
-    for _ in range(CHORDS * wanted):
+    for left in range(most, -1, -1):
         chord = replace(there, by_active=lin.by_active, active=lin.active)
         move = step(objective, chord, free)
         nearly = abs(kept - promised) < CLOSELY * promised
         if (promised := _promised(objective, chord, move)) < SURE * SETTLED:
             return there, True
-        if not nearly:
+        if not (left and nearly):
             break
         theta = objective.within_bounds(there.theta + move, free)
         further = objective.relinearise(there, theta, active=NO_DERIVATIVES)
