@@ -22,6 +22,7 @@ from clutchest.models.experiments import (
 SIGNALS = ("motor_angle", "armature_current", "armature_temp")
 COMPRESSED = 0.4  # of the largest torque: the upper part of a branch, whose slope is taken
 LEAST = 0.15  # Nm of motor torque
+FEWEST = 5  # readings of a branch, of which more give a slope
 
 
 def reduce(record: BenchRecord) -> EquationErrors | str:
@@ -42,18 +43,20 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
 
 
 def slopes(path: AnglePath, p: Parameters, bench: str) -> str:
-    """Slopes of both branches as the paper reads them, in words."""
+    """Slopes of both branches as the paper reads them, in words; where one has too few readings,
+    without what both would tell."""
     angle, torque = path.measured(p, path.own[:, 0])
     speed = path.motion[path.counts, 1]
-    found = []
-    for way in (1, -1):
+    found = {}
+    for name, way in (("loading", 1), ("unloading", -1)):
         rows = (speed * way > 0) & (torque > COMPRESSED * torque.max())
-        found.append(np.polyfit(angle[rows], torque[rows], 1)[0] if rows.sum() > 5 else np.nan)
-    k, rho = np.mean(found), np.ptp(found) / np.sum(found)
-    return (
-        f"{bench}: slopes {1e3 * found[0]:.1f} loading and {1e3 * found[1]:.1f} mNm/rad unloading, "
-        f"k = {1e3 * k:.1f} mNm/rad with ρ = {rho:.2f}"
-    )
+        if rows.sum() > FEWEST:
+            found[name] = float(np.polyfit(angle[rows], torque[rows], 1)[0])
+    each = " and ".join(f"{1e3 * slope:.1f} mNm/rad {name}" for name, slope in found.items())
+    if len(found) < 2:
+        return f"{bench}: slope {each or 'of neither branch: too few readings'}"
+    k, rho = np.mean([*found.values()]), np.ptp([*found.values()]) / sum(found.values())
+    return f"{bench}: slopes {each}, k = {1e3 * k:.1f} mNm/rad with ρ = {rho:.2f}"
 
 
 I7 = BenchExperiment(
