@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable, Iterable
 from multiprocessing import cpu_count
 from pathlib import Path
 from typing import Any
@@ -80,14 +81,8 @@ def main() -> None:
         results["hot"] = healthy.tally(hot)
         print(json.dumps(results["hot"], indent=1))
     if "unlike" in given.parts:
-        drives = given.out / "unlike"
-        drives.mkdir(exist_ok=True)
-        tasks = [
-            (given.vehicle, group, given.first + i, drives)
-            for i in range(given.unlike)
-            for group in unlike.GROUPS
-        ]
-        results["unlike"] = unlike.table(ran("unlike", unlike.record, tasks, given.jobs))
+        found = of_each("unlike", unlike.record, unlike.GROUPS, given.unlike, given)
+        results["unlike"] = unlike.table(found)
         print(json.dumps(results["unlike"], indent=1))
     if "residuals" in given.parts:
         machine = clutchest.load_vehicle(given.vehicle).machine
@@ -97,18 +92,27 @@ def main() -> None:
         )
         pictures.delays(results["residuals"], given.out / "delays.png")
     if "injected" in given.parts:
-        drives = given.out / "injected"
-        drives.mkdir(exist_ok=True)
-        tasks = [
-            (given.vehicle, fault, given.first + i, drives)
-            for i in range(given.injected)
-            for fault in injected.CASES
-        ]
-        results["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
+        found = of_each("injected", injected.judged, injected.CASES, given.injected, given)
+        results["injected"] = injected.table(found)
         print(json.dumps(results["injected"], indent=1))
     if "recorded" in given.parts and given.logs is not None:
         results["recorded"] = recorded.table(given.logs, given.onsets)
     path.write_text(json.dumps(results, indent=1))
+
+
+def of_each(
+    part: str,
+    judge: Callable[[tuple[str, str, int, Path]], dict[str, Any]],
+    names: Iterable[str],
+    count: int,
+    given: argparse.Namespace,
+) -> list[dict[str, Any]]:
+    """What is said of so many drives of each name, kept in a folder of the part's own."""
+    folder = given.out / part
+    folder.mkdir(exist_ok=True)
+    numbers = range(given.first, given.first + count)
+    tasks = [(given.vehicle, name, number, folder) for number in numbers for name in names]
+    return ran(part, judge, tasks, given.jobs)
 
 
 if __name__ == "__main__":

@@ -25,9 +25,9 @@ from clutchest.models.symbols import State
 from clutchest.signals import Floats
 from clutchest.vehicle.state_uncertainty import Wander
 
+HOUR = 3600.0  # s
 # Of the most that a block of the drive tells of a fault: less is noise of the inputs, of which
 # derivatives hold some.  The innovations hold it too, so that it does not look like noise.
-HOUR = 3600.0  # s
 FAINT = 1e-3
 
 

@@ -9,8 +9,8 @@ from math import inf
 import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.generator.recursion import recur
 from clutchest.generator.surroundings import stream
+from clutchest.recursion import recur
 from clutchest.signals import Floats, Truth
 
 JITTER = 0.02  # of the period: how far a message may be off its beat; its stamp stays true

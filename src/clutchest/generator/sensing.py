@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, inf
 
-from clutchest.generator.recursion import recur
 from clutchest.generator.sampling import JITTER, Channel
 from clutchest.generator.scenarios import Random
+from clutchest.recursion import recur
 from clutchest.signals import Floats
 
 Values = Mapping[str, float]

@@ -10,7 +10,7 @@ from zlib import crc32
 import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.generator.recursion import recur
+from clutchest.recursion import recur
 from clutchest.signals import Floats
 
 GEARBOX_TEMP = 80.0  # °C

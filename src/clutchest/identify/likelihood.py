@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.inference.map_fit import FINE, improve
 from clutchest.inference.objective import Objective
-from clutchest.inference.problem import Problem
+from clutchest.inference.problem import INDEPENDENT, Problem
 from clutchest.inference.sensor_ends import settled_off_ends
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.inference.while_sliding import while_sliding
@@ -29,7 +29,6 @@ from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
 NO_OTHERS: Mapping[str, float] = MappingProxyType({})
-BLOCK = 1.0  # s; noise of one block says nothing of the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +103,7 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
     psi = objective.in_span(fit.psi[:, free])
     inverse = np.asarray(np.linalg.inv(psi.T @ psi + np.eye(len(free))), np.float64)
     covariance = np.zeros((len(fit.theta), len(fit.theta)))
-    covariance[np.ix_(free, free)] = widened(inverse, fit, free, problem.blocks(BLOCK))
+    covariance[np.ix_(free, free)] = widened(inverse, fit, free, problem.blocks(INDEPENDENT))
     return Posterior(objective, fit, covariance)
 
 

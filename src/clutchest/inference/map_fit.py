@@ -241,6 +241,7 @@ def improve(
 def _with_derivatives(
     objective: Objective, lin: Linearisation, free: NDArray[np.int64]
 ) -> Linearisation:
+    """The same with derivatives by the ``free`` thetas, where it has none at all."""
     if lin.active is not None and not len(lin.active):
         return objective.relinearise(lin, lin.theta, active=free)
     return lin

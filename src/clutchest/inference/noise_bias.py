@@ -19,13 +19,13 @@ from clutchest.inference.linear_solve import solved
 from clutchest.inference.map_fit import curvature
 from clutchest.inference.objective import Objective
 from clutchest.inference.prepared_drive import Readings
-from clutchest.inference.problem import Problem
+from clutchest.inference.problem import INDEPENDENT, Problem
 from clutchest.inference.white_linearisation import Linearisation
+from clutchest.recursion import recur
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
 SEED = 7
-BLOCK = 1.0  # s; noise of one block says nothing of the next
 TINY = 1e-300
 
 
@@ -42,10 +42,10 @@ def noisier(drive: Signals, vehicle: Vehicle, rng: np.random.Generator) -> Signa
     for name, signal in drive.signals.items():
         if name in vehicle.signals:
             stated = vehicle.signals[name]
-            noise, own = rng.standard_normal(len(signal.value)), stated.noise_ar
-            for k in range(1, len(noise) if own else 0):
-                noise[k] = own * noise[k - 1] + np.sqrt(1.0 - own**2) * noise[k]
-            signals[name] = replace(signal, value=signal.value + stated.noise * noise)
+            white = rng.standard_normal(len(signal.value))
+            white[1:] *= np.sqrt(1.0 - stated.noise_ar**2)
+            noise = stated.noise * recur(white, stated.noise_ar)
+            signals[name] = replace(signal, value=signal.value + noise)
     return replace(drive, signals=signals, later=())
 
 
@@ -61,7 +61,7 @@ def noise_bias(
     same = [_same(a.readings, b.readings) for a, b in drives]
     tables = zip(same, once, twice, strict=True)
     changes = objective.whiten([_changes(which, a, b, free) for which, a, b in tables])
-    blocks = objective.problem.blocks(BLOCK)
+    blocks = objective.problem.blocks(INDEPENDENT)
     common = np.zeros((int(blocks.max()) + 1, len(free)))
     np.add.at(common, blocks, changes[:, 1:] * changes[:, :1])
     each = -solved(curvature(objective, lin, free), common.T)

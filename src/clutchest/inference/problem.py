@@ -45,6 +45,7 @@ from clutchest.vehicle.state_uncertainty import wander
 from clutchest.vehicle.vehicle import TIMING
 
 FURTHEST = 10.0  # standard deviations that are stated, by which a number may be off in discovery
+INDEPENDENT = 1.0  # s; noise of one block of such a length says nothing of the next
 STEPS = 2  # from nominal inputs to those that numbers imply
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.

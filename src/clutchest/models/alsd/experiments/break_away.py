@@ -17,7 +17,7 @@ from clutchest.models.experiments import BenchRecord, ExperimentCurve, Parameter
 from clutchest.native import compiled
 from clutchest.signals import Floats, Signal
 
-KEYS = (
+MOTOR = (  # what its numbers are called
     "motor_inertia",
     "motor_coulomb_torque",
     "motor_static_torque",
@@ -27,7 +27,7 @@ KEYS = (
     "motor_bristle_damping",
     "motor_viscous",
 )
-_NUMBERS = np.dtype([(key, np.float64) for key in KEYS])
+_NUMBERS = np.dtype([(key, np.float64) for key in MOTOR])
 
 LONGEST, SHORTEST = 2.5, 0.4  # s that a rise lasts
 SLOW = 0.8  # of a rise, from its begin until the motor slides: bends further are no longer slow
@@ -94,7 +94,7 @@ class BreakAway:
         lasts = min(float(np.abs(torque).max()) / abs(rate), FOLLOWED)
         time = np.linspace(0.0, lasts, int(np.ceil(lasts / STEP)) + 1)
         angle = np.empty(len(time))
-        numbers = np.array([tuple(p[key] for key in KEYS)], _NUMBERS)
+        numbers = np.array([tuple(p[key] for key in MOTOR)], _NUMBERS)
         _risen(abs(rate), lasts / (len(time) - 1), numbers[0], CREEPS, angle)
         return np.asarray(np.sign(torque) * np.interp(np.abs(torque / rate), time, angle))
 

@@ -12,6 +12,7 @@ from math import exp, log, pi
 import numpy as np
 
 from clutchest.models.alsd.experiments.armature_heat import ArmatureHeat
+from clutchest.models.alsd.experiments.break_away import MOTOR
 from clutchest.models.alsd.experiments.motion import (
     local_polynomial,
     second_derivative_std,
@@ -23,14 +24,7 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 KEYS = (
-    "motor_inertia",
-    "motor_coulomb_torque",
-    "motor_static_torque",
-    "motor_stribeck_speed",
-    "motor_stribeck_exponent",
-    "motor_bristle_stiffness",
-    "motor_bristle_damping",
-    "motor_viscous",
+    *MOTOR,
     "gear_ratio",
     "gear_backlash",
     "ball_ramp_ratio",
