@@ -14,10 +14,10 @@ from clutchest.can import log_source
 from clutchest.can.formats import log_formats
 from clutchest.errors import ClutchestError
 from clutchest.paths import readable
+from clutchest.reading.table_formats import read_suffixes
 from clutchest.shipped import shipped, shipped_file
 
 TEXT = ".txt"  # of a log, and of whatever somebody notes beside it
-TABLES = (".parquet", ".xlsx", ".mdf")
 _EXPECTED = "expected a folder of logs, a pattern or a shipped log: "
 AGAIN = ".truth.parquet"  # beside a simulated log: not a log
 
@@ -88,7 +88,7 @@ def _matching(pattern: str) -> list[str]:
 
 def _known(files: Iterable[Path]) -> Iterator[Path]:
     """Those whose suffix is that of a log, in order of their names."""
-    suffixes = {entry.suffix for entry in log_formats() if entry.suffix} | set(TABLES)
+    suffixes = {entry.suffix for entry in log_formats() if entry.suffix} | read_suffixes()
     for file in sorted(files):
         plain = file.name.lower().removesuffix(".gz")
         if not file.is_file() or Path(plain).suffix not in suffixes or plain.endswith(AGAIN):

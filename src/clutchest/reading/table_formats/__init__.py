@@ -47,6 +47,12 @@ def tables_in_words() -> str:
     return f"a table of decoded signals ({', '.join(suffixes)} or {last})"
 
 
+@cache
+def read_suffixes() -> frozenset[str]:
+    """The suffixes of tables that can be read."""
+    return frozenset(s for entry in table_formats() if entry.read for s in entry.suffixes)
+
+
 def _first(entry: TableKind) -> tuple[str, ...]:
     suffix = entry.suffixes[0]
     return (suffix, f"{suffix}.gz") if entry.zipped else (suffix,)
