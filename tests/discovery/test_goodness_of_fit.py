@@ -67,6 +67,31 @@ def test_of_readings_in_coarse_steps_only_lines_are_sought():
     assert {test.kind for test in fit(coarse).tests} == {"spectrum"}
 
 
+def innovations(random: np.random.Generator) -> Floats:
+    """Of a filter whose gain is another in the second mode, as there is more noise by way of the
+    inputs; that and the sensor's are autocorrelated, and the mean square is 1 in both modes."""
+    slips = np.arange(INTERVALS * LONG) // LONG % 2
+    sensor, inputs = (lfilter([np.sqrt(0.75)], [1.0, -0.5], white(random)) for _ in range(2))
+    reading = np.cumsum(np.where(slips, 2.0, 0.6) * inputs) + sensor
+    gain, estimate, out = np.where(slips, 0.85, 0.65), 0.0, np.zeros(len(reading))
+    for k in range(len(out)):
+        out[k] = reading[k] - estimate
+        estimate += gain[k] * out[k]
+    for mode in (0, 1):
+        out[slips == mode] /= np.std(out[slips == mode])
+    return out
+
+
+def test_what_a_filter_follows_may_be_coloured_otherwise_in_another_regime():
+    healthy = series(innovations(np.random.default_rng(3)))
+    assert fit(healthy).tests[0].kind in {"colour", "runs", "spectrum"} and fit(healthy).rejects
+    p = [
+        fit(replace(series(innovations(np.random.default_rng([5, seed]))), followed=True)).p_value
+        for seed in range(12)
+    ]
+    assert min(p) > REJECTED and kstest(p, "uniform").pvalue > 0.01
+
+
 def late(residuals: ResidualSeries) -> NDArray[np.bool_]:
     return residuals.place >= LONG // 2
 

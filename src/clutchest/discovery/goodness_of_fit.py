@@ -31,6 +31,7 @@ from clutchest.signals import Floats
 DRAWS = 1000  # of data with nothing but noise
 REJECTED = 0.001  # p-value below which the model does not fit
 LEAST = 1e-300  # p-value of which a logarithm is taken
+COLOUR = ("colour", "runs", "spectrum")  # kinds of contrast that are about autocorrelation
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +151,10 @@ def _of_contrasts(
 ) -> Iterator[_Distortion]:
     kinds = np.array(compared.measures.kinds)
     for p, part in enumerate(compared.parts):
-        for kind in dict.fromkeys(kinds):
+        # a filter's innovations are as coloured as its gain, and the share of noise that comes by
+        # way of inputs, make them: both are others from regime to regime
+        left_out = COLOUR if series.followed and part.what == REGIME else ()
+        for kind in (kind for kind in dict.fromkeys(kinds) if kind not in left_out):
             columns = np.flatnonzero(kinds == kind)
             best = columns[np.argmin(compared.log_p[p, columns])]
             yield _Distortion(

@@ -26,7 +26,8 @@ class ResidualSeries:
     in ``unit``;
     ``mode`` (n) its place among the machine's modes; ``place`` (n) the number of residuals before
     it in its interval, of one mode and without gaps; ``period`` s from one to the next;
-    ``rounding``: the variance of what the readings' steps round off, over that of their noise.
+    ``rounding``: the variance of what the readings' steps round off, over that of their noise;
+    ``followed``: whether readings correct the states that predict them, as in a filter.
     """
 
     sensor: str
@@ -37,6 +38,7 @@ class ResidualSeries:
     place: NDArray[np.int64]
     period: float
     rounding: float = 0.0
+    followed: bool = False
 
     def of_mode(self, mode: int) -> tuple[Floats, NDArray[np.int64]]:
         """Values and places of the residuals in one mode."""
@@ -72,6 +74,7 @@ def residual_series(problem: Problem, raw: Sequence[NormalisedInnovations]) -> l
                     place.astype(np.int64),
                     period,
                     (_step(problem.drives, index) / np.median(std)) ** 2 / 12.0,
+                    any(_corrects(drive, index) for drive in problem.drives),
                 )
             )
     return series
@@ -88,6 +91,11 @@ def _step(drives: Sequence[PreparedDrive], sensor: int) -> float:
     apart = np.diff(np.unique(np.concatenate(every)))
     apart = apart[apart > SAME * np.ptp(np.concatenate(every))]
     return float(apart.min()) if len(apart) else 0.0
+
+
+def _corrects(drive: PreparedDrive, sensor: int) -> bool:
+    """Whether readings of a sensor correct tracked states."""
+    return bool(drive.gains.gain[drive.readings.event[drive.readings.sensor == sensor]].any())
 
 
 def _of_drive(drive: PreparedDrive, r: Floats, sensor: int) -> tuple[NDArray, ...] | None:
