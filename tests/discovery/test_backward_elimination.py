@@ -207,6 +207,30 @@ def test_an_error_elsewhere_that_explains_as_much_as_a_free_form_is_as_likely():
     assert more == {"sensor": -2.0, "torque": -20.0}
 
 
+@pytest.mark.parametrize(("p", "found"), [(0.02, "named"), (0.008, "unknown")])
+def test_a_curve_outranks_a_cause_only_where_something_is_left_beside_it(monkeypatch, p, found):
+    """It explains 20 more in 2 Δ ln L, five knots as against one number."""
+    effect = SimpleNamespace(equation="sensor", name="a")
+    cause = SimpleNamespace(name="a", index=0, effect=effect)
+    search = Reducible(best=a_set([cause], 45.0), rivals=(), by_count={})
+
+    def errors_beside(search, of, equations=()):
+        of_search = SimpleNamespace(worth=75.0, p_value=1e-12, covariate="b", equation="sensor")
+        beside = SimpleNamespace(worth=15.0, p_value=p, covariate="b", equation="sensor")
+        return [of_search if of is search.null else beside]
+
+    held = SimpleNamespace(form=SimpleNamespace(refuted=False), drivers=("b",), worth=0.0)
+    monkeypatch.setattr(verdict, "_residual_errors", errors_beside)
+    monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
+    monkeypatch.setattr(
+        verdict, "located", lambda _, errors, by: SimpleNamespace(errors=errors, fitted=True)
+    )
+    monkeypatch.setattr(
+        verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
+    )
+    assert verdict._verdict(search, {}, [], {}, verdict.UNNAMED).name == found
+
+
 @pytest.mark.parametrize(("causes", "least"), [(1, 110.0), (2, 100.0), (3, 90.0)])
 def test_one_curve_outranks_causes_the_sooner_the_more_they_are(causes, least):
     for worth, outranks in ((least - 1.0, False), (least + 1.0, True)):

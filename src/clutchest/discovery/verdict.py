@@ -40,6 +40,7 @@ UNNAMED = 1e-4
 # p-value from which on held-out drives may reject a result.  Below, it is established by this log,
 # whatever they say: a drive may be affected by something that does not last.
 ESTABLISHED = 1e-5
+CHANCE = 0.01  # p-value from which on what is left beside a single cause may be noise
 LESS = (0.0, 1.0)  # parts of the discrepancies that the data show without an error
 
 HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are asked for
@@ -147,7 +148,7 @@ def _verdict(
         errors = errors_without_causes(search, own)
     p = errors[0].p_value if errors else 1.0
     unnamed, errors, (found, instead) = _unnamed_errors(
-        search, best, forms, errors, unnamed, denied
+        search, best, forms, errors, remaining, unnamed, denied
     )
     for h in tied:
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
@@ -187,15 +188,18 @@ def _unnamed_errors(
     best: CauseSet,
     forms: Mapping[str, TestedForm],
     errors: Sequence[Curve],
+    beside: Sequence[Curve],
     unnamed: bool,
     denied: float,
 ) -> tuple[bool, Sequence[Curve], Errors]:
     """Whether an error remains ``unnamed``, as it does where one without a name explains more than
-    the best causes, and 2 Δ ln L of what was ``denied``; the ``errors`` of the model without a
-    cause; and those that are established, by equation."""
+    the best causes, and 2 Δ ln L of what was ``denied``, and errors ``beside`` a single cause are
+    not what chance leaves; the ``errors`` of the model without a cause; and those that are
+    established, by equation."""
     refuted = [effect for effect in best.effects if forms[effect].form.refuted]
     explained, count = search.null.cost - best.cost + denied, len(best.causes)
-    if count > 1 or len(refuted) < len(forms):  # a curve may explain as much as several, or more
+    held = len(refuted) < len(forms) and significant(beside, CHANCE)
+    if count > 1 or held:  # a curve may explain as much as several, or more
         unnamed = unnamed or _better_as_curve(explained, count, errors)
     place = None
     if not unnamed and (count > 1 or refuted):
@@ -212,9 +216,9 @@ def _unnamed_errors(
         as_likely = {q: by for each in more.values() for q, by in each.items() if by > -TIED}
         several = Errors([], [q for q in as_likely if q not in own])
     if count == 1 and refuted and not unnamed and not fitted:
-        beside = _in_noise_beside_curves(search, errors)
-        if beside is not None and _elsewhere(best, forms, beside.errors):
-            unnamed, place = True, beside
+        quieter = _in_noise_beside_curves(search, errors)
+        if quieter is not None and _elsewhere(best, forms, quieter.errors):
+            unnamed, place = True, quieter
     elif unnamed and not fitted:
         place = located(search, _beside_less_discrepancies(search) or errors, explained)
         if not place.fitted:  # errors may pass for noise
