@@ -126,5 +126,19 @@ def test_of_an_engine_that_has_stalled_no_speed_counts():
         return int(np.count_nonzero(drive.line.z[drive.readings.event] < 1.0))
 
     endless = replace(truck.signals["engine_speed"], minimum=None)
-    assert near_none(replace(truck, signals={**truck.signals, "engine_speed": endless})) > 100
-    assert near_none(truck) < 10
+    assert near_none(replace(truck, signals={**truck.signals, "engine_speed": endless})) == 0
+    assert near_none(truck) == 0
+
+
+def test_of_an_engine_that_is_dragged_without_running_no_speed_counts():
+    truck = clutchest.load_vehicle("truck")
+    signals = clutchest.simulate(truck, "launches", 5, duration=60.0)
+    speed = signals["engine_speed"]
+    dragged = np.where(speed.time > 45.0, 15.0 + 10.0 * np.sin(speed.time), speed.value)
+    signals = replace(
+        signals, signals={**signals.signals, "engine_speed": replace(speed, value=dragged)}
+    )
+    problem = Problem.of(signals, truck, ())
+    [all_of_it], [drive] = problem.drives, settled_off_ends(problem)[0].problem.drives
+    assert np.count_nonzero(all_of_it.line.z[all_of_it.readings.event] < 26.0) > 100
+    assert drive.line.z[drive.readings.event].min() > 30.0

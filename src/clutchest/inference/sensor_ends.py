@@ -5,7 +5,7 @@ its noise of such an end, only readings that noise has moved away from it are le
 have a mean, which passes for an error of the equations.  So no reading counts where the prediction
 lies that near: what decides is the prediction, which knows nothing of the reading's own noise.  As
 the noise may be slow, the readings before do not tell that a single one is safe; its deviation is
-that of the whole error.
+that of the whole error.  Likewise where the equations end, as those of an engine that has stalled.
 """
 
 from __future__ import annotations
@@ -71,11 +71,12 @@ def _off(problem: Problem, theta: Floats, counted: Sequence[Rows], ends: Floats)
 
 
 def _ends(sensor: Sensor, vehicle: Vehicle) -> tuple[float, float]:
-    """Between what, in the sensor's unit, readings are used; a signal made of several has no range
-    of its own."""
+    """Between what, in the sensor's unit, readings are used and equations hold; a signal made of
+    several has no range of its own."""
     how = vehicle.signals.get(sensor.column or sensor.name)
     if how is None or how.less or not units.compatible(how.bus.unit, sensor.unit):
-        return -np.inf, np.inf
+        return sensor.least, np.inf
     low = -np.inf if how.minimum is None else how.minimum
     high = np.inf if how.maximum is None else how.maximum
-    return tuple(units.convert_reading(np.array([low, high]), how.bus.unit, sensor.unit).tolist())
+    ends = units.convert_reading(np.array([low, high]), how.bus.unit, sensor.unit)
+    return max(float(ends[0]), sensor.least), float(ends[1])

@@ -96,7 +96,9 @@ class Sensor:
     second order in the equations do not average out over hundreds of readings a second.
     ``tolerance``: as many standard deviations as innovations may have, in the median over ten
     seconds, where the equations are wrong by the largest plausible errors; beyond, signals and
-    model contradict each other.
+    model contradict each other.  ``least``: of the quantity, below which the equations do not hold,
+    as an engine that has stalled does not give the torque that it reports: fits take no reading
+    there.
     """
 
     name: str
@@ -107,6 +109,7 @@ class Sensor:
     mode: str = ""
     repeats: float = 0.0
     tolerance: float = 10.0
+    least: float = -inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -243,8 +243,9 @@ COLUMNS = (
 # filter of first order neglects the product of both errors.  White readings, 100 a second, would be
 # more precise than that product and make the body's temperature wrong by three standard deviations
 # after it was heated.
+RUNNING = 30.0  # rad/s; an engine that turns slower has stalled, or is being started
 SENSORS = (
-    Sensor("engine_speed", "rad/s", "ω_e", "engine speed", tolerance=4.0),
+    Sensor("engine_speed", "rad/s", "ω_e", "engine speed", tolerance=4.0, least=RUNNING),
     Sensor(
         "zero_position",
         "mm",
