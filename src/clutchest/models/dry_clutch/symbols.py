@@ -6,6 +6,7 @@ from clutchest.models.declarations import Separation
 from clutchest.models.symbols import Column, Input, Magnitude, Sensor, State
 
 METAL = (-60.0, 1150.0)  # °C, from the coldest night to where cast iron melts
+RUNNING = 30.0  # rad/s; an engine that turns slower has stalled, or is being started
 
 STATES = (
     State(
@@ -243,7 +244,6 @@ COLUMNS = (
 # filter of first order neglects the product of both errors.  White readings, 100 a second, would be
 # more precise than that product and make the body's temperature wrong by three standard deviations
 # after it was heated.
-RUNNING = 30.0  # rad/s; an engine that turns slower has stalled, or is being started
 SENSORS = (
     Sensor("engine_speed", "rad/s", "ω_e", "engine speed", tolerance=4.0, least=RUNNING),
     Sensor(
