@@ -111,14 +111,9 @@ def test_the_rest_is_judged_anew():
     assert kept.best.names == {"a"} and kept.best.cost == 11.0
 
 
-@pytest.mark.parametrize(("worth", "unnamed"), [(60.0, True), (40.0, False)])
-def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unnamed):
-    """Held-out drives have denied what improved the fit by 50."""
-    a = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
-    search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
-    curve = SimpleNamespace(worth=worth, p_value=1e-9, covariate="time", equation="torque")
-    monkeypatch.setattr(verdict, "_residual_errors", lambda search, of, equations=(): [curve])
-    held = SimpleNamespace(form=SimpleNamespace(refuted=False))
+def judged_by(monkeypatch, residual_errors, held) -> None:
+    """Verdicts of errors as they are given, beside one cause whose form is ``held``."""
+    monkeypatch.setattr(verdict, "_residual_errors", residual_errors)
     monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
     monkeypatch.setattr(
         verdict, "located", lambda _, errors, by: SimpleNamespace(errors=errors, fitted=True)
@@ -126,6 +121,16 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     monkeypatch.setattr(
         verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
     )
+
+
+@pytest.mark.parametrize(("worth", "unnamed"), [(60.0, True), (40.0, False)])
+def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unnamed):
+    """Held-out drives have denied what improved the fit by 50."""
+    a = SimpleNamespace(name="a", index=0, effect=SimpleNamespace(equation="torque"))
+    search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
+    curve = SimpleNamespace(worth=worth, p_value=1e-9, covariate="time", equation="torque")
+    held = SimpleNamespace(form=SimpleNamespace(refuted=False))
+    judged_by(monkeypatch, lambda search, of, equations=(): [curve], held)
     said = verdict._verdict(search, {}, [curve], {"b": 50.0}, verdict.UNNAMED)
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]
@@ -220,14 +225,7 @@ def test_a_curve_outranks_a_cause_only_where_something_is_left_beside_it(monkeyp
         return [of_search if of is search.null else beside]
 
     held = SimpleNamespace(form=SimpleNamespace(refuted=False), drivers=("b",), worth=0.0)
-    monkeypatch.setattr(verdict, "_residual_errors", errors_beside)
-    monkeypatch.setattr(verdict, "tested_forms", lambda search, of, wider=False: {"a": held})
-    monkeypatch.setattr(
-        verdict, "located", lambda _, errors, by: SimpleNamespace(errors=errors, fitted=True)
-    )
-    monkeypatch.setattr(
-        verdict, "several_errors", lambda place, free, level: verdict.Errors([], [])
-    )
+    judged_by(monkeypatch, errors_beside, held)
     assert verdict._verdict(search, {}, [], {}, verdict.UNNAMED).name == found
 
 

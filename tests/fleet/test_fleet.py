@@ -31,7 +31,8 @@ RNG = np.random.default_rng(8)
 
 
 def test_whose_a_log_is(tmp_path: Path) -> None:
-    for name in ("a/2024/one.log", "a/two.blf.gz", "b/one.log", "own.mat", "b/notes.txt"):
+    own = ("own.csv", "own.mat")
+    for name in ("a/2024/one.log", "a/two.blf.gz", "b/one.log", *own, "b/notes.txt"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("x")
     (tmp_path / "b" / "one.log.truth.parquet").write_text("x")
@@ -39,9 +40,9 @@ def test_whose_a_log_is(tmp_path: Path) -> None:
     write_frames(frames.take(slice(0, 20)), tmp_path / "b" / "a.log")
     (tmp_path / "b" / "a.log").rename(tmp_path / "b" / "frames.txt")
     found = {(log.vehicle, log.path.name) for log in logs_of([str(tmp_path)])}
-    own = (tmp_path.name, "own.mat")
+    tables = {(tmp_path.name, name) for name in own}
     text = ("b", "frames.txt")  # by its content; not so the notes
-    assert found == {("a", "one.log"), ("a", "two.blf.gz"), ("b", "one.log"), text, own}
+    assert found == {("a", "one.log"), ("a", "two.blf.gz"), ("b", "one.log"), text, *tables}
     by_pattern = logs_of([f"{tmp_path}/**/*.log", f"{tmp_path}/b"])
     assert [(log.vehicle, log.path.name) for log in by_pattern] == [
         ("2024", "one.log"),

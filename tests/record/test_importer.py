@@ -12,7 +12,7 @@ import pytest
 
 from clutchest.can.formats import log_formats
 from clutchest.reading.table_formats import read_suffixes
-from clutchest.record.importer import CAN_SUFFIXES, NOT_OURS, TABLE_SUFFIXES, vehicle_of
+from clutchest.record.importer import NOT_OURS, SUFFIXES, vehicle_of
 from clutchest.shipped import locate
 
 COMMAND = [sys.executable, "-m", "clutchest.record.importer"]
@@ -36,7 +36,7 @@ def test_what_is_not_ours_is_left_to_others(tmp_path: Path, name: str) -> None:
 
 def test_it_takes_every_log_that_can_be_read_but_texts() -> None:
     formats = {entry.suffix for entry in log_formats() if entry.suffix}
-    assert CAN_SUFFIXES | TABLE_SUFFIXES | {".txt"} == formats | read_suffixes()
+    assert SUFFIXES | {".txt"} == formats | read_suffixes()
 
 
 def test_whose_log_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,17 +150,18 @@ def _of_contrasts(
     series: ResidualSeries, compared: Contrasts, modes: Sequence[str]
 ) -> Iterator[_Distortion]:
     kinds = np.array(compared.measures.kinds)
+    every = dict.fromkeys(compared.measures.kinds)
     for p, part in enumerate(compared.parts):
         # a filter's innovations are as coloured as its gain, and the share of noise that comes by
         # way of inputs, make them: both are others from regime to regime
         left_out = COLOUR if series.followed and part.what == REGIME else ()
-        for kind in (kind for kind in dict.fromkeys(kinds) if kind not in left_out):
+        for kind in (kind for kind in every if kind not in left_out):
             columns = np.flatnonzero(kinds == kind)
             best = columns[np.argmin(compared.log_p[p, columns])]
             yield _Distortion(
                 series.sensor,
                 modes[part.mode],
-                str(kind),
+                kind,
                 float(compared.log_p[p, best]),
                 compared.null[:, p, columns].min(axis=1),
                 _in_words(series, compared, p, int(best), modes),

@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import NoReturn
 
 NOT_OURS = 66  # as the viewer wants it said
-CAN_SUFFIXES = {".asc", ".blf", ".crtd", ".csv", ".db", ".log", ".mf4", ".pcap", ".trc"}
-TABLE_SUFFIXES = {".mat", ".mdf", ".parquet", ".tdms", ".xlsx"}
+SUFFIXES = {
+    *(".asc", ".blf", ".crtd", ".csv", ".db", ".log", ".mf4", ".pcap", ".trc"),  # of frames
+    *(".mat", ".mdf", ".parquet", ".tdms", ".xlsx"),  # of tables
+}
 VEHICLE = "CLUTCHEST_VEHICLE"
 
 
@@ -29,7 +31,7 @@ def main() -> None:
     given, _ = parser.parse_known_args()  # the viewer has more to say than is needed
     path: Path = given.path
     plain = path.name.lower().removesuffix(".gz")
-    if Path(plain).suffix not in CAN_SUFFIXES | TABLE_SUFFIXES or not path.is_file():
+    if Path(plain).suffix not in SUFFIXES or not path.is_file():
         sys.exit(NOT_OURS)
     vehicle = vehicle_of(path)
     if vehicle is None:
