@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,9 @@ FACTORS = {
     "mm": (constants.milli, M),
     "µm": (constants.micro, M),
     "km": (constants.kilo, M),
+    "cm": (constants.centi, M),
+    "l": (constants.liter, 3 * M),
+    "ml": (constants.milli * constants.liter, 3 * M),
     "s": (1.0, S),
     "ms": (constants.milli, S),
     "min": (constants.minute, S),
@@ -48,15 +53,30 @@ FACTORS = {
     "J": (1.0, J),
     "kJ": (constants.kilo, J),
     "MJ": (constants.mega, J),
+    "mNm": (constants.milli, J),
+    "Wh": (constants.hour, J),
+    "kWh": (constants.kilo * constants.hour, J),
     "W": (1.0, W),
     "kW": (constants.kilo, W),
+    "MW": (constants.mega, W),
     "V": (1.0, V),
+    "mV": (constants.milli, V),
+    "kV": (constants.kilo, V),
     "Ohm": (1.0, OHM),
     "Ω": (1.0, OHM),
+    "mOhm": (constants.milli, OHM),
+    "mΩ": (constants.milli, OHM),
+    "kOhm": (constants.kilo, OHM),
+    "kΩ": (constants.kilo, OHM),
     "H": (1.0, OHM + S),
     "mH": (constants.milli, OHM + S),
     "Pa": (1.0, N - 2 * M),
+    "kPa": (constants.kilo, N - 2 * M),
+    "MPa": (constants.mega, N - 2 * M),
     "GPa": (constants.giga, N - 2 * M),
+    "bar": (constants.bar, N - 2 * M),
+    "mbar": (constants.milli * constants.bar, N - 2 * M),
+    "psi": (constants.psi, N - 2 * M),
     "rpm": (0.10471975511965977, -S),
     "°C": (1.0, K),
     "°F": (constants.degree_Fahrenheit, K),
@@ -82,6 +102,11 @@ COMPOSED = {
     ("Nm rad/s", "W"): 1.0,
     ("mH A/ms", "V"): 1.0,
     ("GPa mm²", "kN"): 1.0,
+    ("L", "l"): 1.0,
+    ("lpm", "l/min"): 1.0,
+    ("l/min", "m³/s"): 1e-3 / 60.0,
+    ("bar cm²", "N"): 10.0,
+    ("bar l/min", "W"): 100.0 / 60.0,
     ("m s⁻²", "m/s^2"): 1.0,
     ("percent", "1"): 0.01,
     ("unitless", "1"): 1.0,
@@ -113,6 +138,12 @@ TEMPERATURES = [
 
 def test_the_table_is_of_all_symbols():
     assert set(FACTORS) == set(units._SYMBOLS)
+
+
+def test_the_page_of_vehicle_files_has_all_symbols():
+    page = (Path(__file__).parents[1] / "docs" / "vehicle-file.md").read_text(encoding="utf-8")
+    listed = page.split("**Units.**")[1].split("\n\n")[1]
+    assert set(re.findall(r"`([^`]+)`", listed)) == set(units._SYMBOLS)
 
 
 @pytest.mark.parametrize("symbol", FACTORS)

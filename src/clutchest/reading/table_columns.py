@@ -25,6 +25,7 @@ TIME = "time"
 _TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
 _DATES = ("date", "datetime", "date_time", "datum", "utc")
 _HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
+_LEFT = "(l)"  # as often the left one of two as litres
 _TIME_SUFFIX = re.compile(r"^(t|time|timestamp|zeit)_(s|ms|us|ns)$", re.IGNORECASE)
 _SUFFIXES = {  # of names such as engine_speed_rpm
     "rpm": "rpm",
@@ -65,7 +66,7 @@ def split_header(header: str) -> tuple[str, str]:
     where none is known."""
     written = header.strip()
     match = _HEADER.match(written)
-    if match and _is_unit(match["unit"]):
+    if match and _is_unit(match["unit"]) and not written.lower().endswith(_LEFT):
         return match["name"].strip(), match["unit"].strip()
     if ended := _TIME_SUFFIX.match(written):
         return ended[1], ended[2]
