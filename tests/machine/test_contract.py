@@ -10,6 +10,7 @@ import pytest
 from clutchest import models
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of
+from clutchest.models.equation_slips import one_slip
 from clutchest.models.machine import Machine
 from clutchest.models.machine_defects import defects
 from clutchest.vehicle import load_vehicle
@@ -24,7 +25,7 @@ DEFECTS = {  # what is replaced, by what, and words of the message
     "parameter that is not declared": (
         "q.viscous * q.speed",
         "q.viscosity * q.speed",
-        "equations use 'viscosity', which is neither declared nor assigned before; "
+        "equations use 'viscosity' in line 25, which is neither declared nor assigned before; "
         "did you mean 'viscous'",
     ),
     "reading that is missing": (
@@ -84,6 +85,106 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         "    excitation=",
         "there is no piece 'excitation'; did you mean 'excitations'",
     ),
+    "comma that is missing": (
+        "effects=(CoulombChange(), Stribeck(), CurrentGain()),",
+        "effects=(CoulombChange()),",
+        "machine 'servo': effects is one CoulombChange, expected several of Effect",
+    ),
+    "comma that is missing in the model": (
+        'sensors=(cm.Sensor("speed", "rad/s", "ω", "shaft"), cm',
+        'sensors=(cm.Sensor("speed", "rad/s", "ω", "shaft")), fast_while=(cm',
+        "machine 'servo': sensors is one Sensor, expected several of Sensor",
+    ),
+    "class in place of an effect": (
+        "(CoulombChange(), Stribeck(),",
+        "(CoulombChange(), Stribeck,",
+        "effects has Stribeck, expected Stribeck()",
+    ),
+    "names without what they stand for": (
+        'covariates={"motor_torque": "Nm"}',
+        'covariates=("motor_torque",)',
+        "covariates is one tuple, expected names and what they stand for",
+    ),
+    "unit of a covariate": ('"motor_torque": "Nm"', '"motor_torque": "Nmm"', "motor_torque in"),
+    "text in place of a noise": ("0.02, 1.0, 1.0", '"0.02", 1.0, 1.0', "process_noise = '0.02'"),
+    "noise below 0": ("0.02, 1.0, 1.0", "-0.02, 1.0, 1.0", "process_noise = -0.02, expected a num"),
+    "initial std below 0": ("0.02, 1.0, 1.0", "0.02, -1, 1.0", "current with initial_std = -1"),
+    "gap of an input": ("gap=60.0", "gap=-1.0", "inputs has ambient_temp with gap = -1.0"),
+    "longest step of 0": ("longest=(0.001, 0.001)", "longest=(0.0, 0.0)", "longest = (0.0, 0.0)"),
+    "one longest step": ("longest=(0.001, 0.001)", "longest=0.001", "longest = 0.001, expected s"),
+    "size of a fault with a sign": (
+        '"change", 0.3, (16, 18)',
+        '"change", -0.3, (16, 18)',
+        "fault 'coulomb_change' has size -0.3, expected a magnitude above 0, and at most 2",
+    ),
+    "size of a fault that cannot be": (
+        '"change", 0.3, (16',
+        '"change", 3, (16',
+        "has size 3, exp",
+    ),
+    "text in place of a size": (
+        '"change", 0.3, (16',
+        '"change", "0.3", (16',
+        "has size '0.3', ex",
+    ),
+    "failure modes": ("(16, 18)", "16", "has fmi 16, expected two failure modes"),
+    "failure modes that do not exist": ("(16, 18)", "(99, 18)", "has fmi (99, 18), expected two"),
+    "rate of a state": (
+        "q.temp_winding_rate =",
+        "q.temp_winding_rte =",
+        "assign 'temp_winding_rte', and no rate of state 'temp_winding'; did you mean 'temp_windin",
+    ),
+    "sensor in another unit than its state": (
+        'cm.Sensor("speed", "rad/s"',
+        'cm.Sensor("speed", "rpm"',
+        "sensors read 'speed' in rpm, which is the state 'speed' in rad/s",
+    ),
+    "branch": (
+        "q.motor_torque = q.torque_constant * q.current",
+        "q.motor_torque = q.torque_constant * max(q.current, 0.0)",
+        "cannot be written out in line 26: RuntimeError: an expression has no truth value; write",
+    ),
+    "function of CasADi that is not there": (
+        "ca.tanh(q.speed / 2.0)",
+        "ca.tan_h(q.speed / 2.0)",
+        "cannot be written out in line 25: AttributeError: module 'casadi' has no attribute",
+    ),
+    "start of no state": (
+        '{"temp_winding": inputs["ambient_temp"]}',
+        '{"temp_windin": inputs["ambient_temp"]}',
+        "at_rest has no state 'temp_windin'; did you mean 'temp_winding'",
+    ),
+    "start by no input": (
+        '{"temp_winding": inputs["ambient_temp"]}',
+        '{"temp_winding": inputs["ambient"]}',
+        "at_rest asks for 'ambient', no parameter or input; did you mean 'ambient_temp'",
+    ),
+    "start that is no number": (
+        '{"temp_winding": inputs["ambient_temp"]}',
+        '{"temp_winding": "warm"}',
+        "at_rest gives 'warm' for 'temp_winding', expected a number",
+    ),
+    "start that names no state": (
+        '{"temp_winding": inputs["ambient_temp"]}',
+        'inputs["ambient_temp"]',
+        "at_rest gives one float, expected states and their values",
+    ),
+    "unit of an effect's number": (
+        'cm.Number("change", "1", -0.3, 0.3)',
+        'cm.Number("change", "Nmm", -0.3, 0.3)',
+        "effect 'current_gain' has change in unknown unit 'Nmm'",
+    ),
+    "shape without a default": (
+        "shape=True, default=10.0, grid",
+        "shape=True, grid",
+        "effect 'stribeck' has speed with default = 0, expected one between 2 and 50",
+    ),
+    "part left out that cannot be": (
+        "effects=(CoulombChange(), Stribeck(), CurrentGain()),",
+        "effects=(CoulombChange(), Stribeck()),\n    unmodelled=(type('Wrong', (CurrentGain,), "
+        "{'scales': {'curent_reading': 'change'}})(),),",
+        "effect 'current_gain' changes 'curent_reading'",
+    ),
     "threshold": (
         '    covariates={"motor_torque": "Nm"},',
         '    regimes=cm.RegimeRules(thresholds=("lock_slp",)),',
@@ -106,6 +207,32 @@ def test_a_defect_is_one_line_that_names_the_piece(what, tmp_path):
         machine_in_file(path)
     assert words in str(problem.value)
     assert "servo.py" in str(problem.value) and "\n" not in str(problem.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "slip"),
+    [
+        ("i_rte", True),
+        ("i_arte", True),
+        ("ii_rate", True),
+        ("i_rates", True),
+        ("i_raze", True),
+        ("i_rate", False),
+        ("i_rt", False),
+        ("flow_i_rate", False),
+    ],
+)
+def test_one_letter_is_a_slip_of_the_pen(written, slip):
+    assert one_slip(written, "i_rate") == slip
+
+
+def test_functions_of_numpy_are_as_good(tmp_path, recwarn):
+    """And CasADi's warning of what they will be in years is not the user's."""
+    path = tmp_path / "servo.py"
+    path.write_text(TEXT.replace("ca.tanh(q.speed / 2.0)", "np.tanh(q.speed / 2.0)"), "utf-8")
+    machine = machine_in_file(path)
+    assert [s.name for s in machine.states] == ["current", "speed", "temp_winding"]
+    assert not [w for w in recwarn if issubclass(w.category, FutureWarning)]
 
 
 def test_two_machines_in_one_file_are_refused(tmp_path):

@@ -88,7 +88,8 @@ def _with_valid_effects(machine: Machine) -> Machine:
     """The same machine.  Raises ClutchestError for an effect that its equations cannot hold."""
     from clutchest.models.validate_effect import why_invalid
 
-    for effect in (*machine.effects.values(), *(fault.effect for fault in machine.faults)):
+    declared = (*machine.effects.values(), *machine.unmodelled.values())
+    for effect in (*declared, *(fault.effect for fault in machine.faults)):
         if wrong := why_invalid(effect, machine, {}):
             raise ClutchestError(f"machine '{machine.name}': effect '{effect.name}' {wrong}")
     return machine

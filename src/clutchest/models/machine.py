@@ -11,7 +11,7 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.experiments import Benches, BenchExperiment
 from clutchest.models.fault import Actuator, Demand, Follower, ModelFault
 from clutchest.models.machine_defects import defects
+from clutchest.models.machine_values import several
 from clutchest.models.model import Model
 from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
@@ -215,20 +216,27 @@ class Machine:
             raise ClutchestError(
                 f"machine '{model.name}': there is no piece '{piece}'" + nearest(piece, known)
             )
+        given = {n: getattr(model, n) for n in ("states", "parameters", "inputs", "sensors")}
+        given |= {"columns": columns, "error_terms": error_terms}
+        given |= {"effects": effects, "unmodelled": unmodelled}
+        try:
+            listed = {piece: several(piece, each) for piece, each in given.items()}
+        except ClutchestError as error:
+            raise ClutchestError(f"machine '{model.name}': {error}") from None
         units = {item.name: item.unit for item in model.inputs if item.name not in model.slopes}
         units |= {sensor.column or sensor.name: sensor.unit for sensor in model.sensors}
         return cls(
             name=model.name,
             what=what,
-            states=model.states,
-            parameters=model.parameters,
-            inputs=model.inputs,
-            sensors=model.sensors,
-            columns=tuple(columns) or tuple(Column(name, unit) for name, unit in units.items()),
+            states=listed["states"],
+            parameters=listed["parameters"],
+            inputs=listed["inputs"],
+            sensors=listed["sensors"],
+            columns=listed["columns"] or tuple(Column(name, unit) for name, unit in units.items()),
             equations=lambda signals: model,
-            error_terms=_by_name("error_terms", model, ((t.equation, t) for t in error_terms)),
-            effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
-            unmodelled=_by_name("unmodelled", model, ((part.name, part) for part in unmodelled)),
+            error_terms=_by_name("error_terms", "equation", model, listed["error_terms"]),
+            effects=_by_name("effects", "name", model, listed["effects"]),
+            unmodelled=_by_name("unmodelled", "name", model, listed["unmodelled"]),
             **pieces,
         )
 
@@ -310,13 +318,11 @@ class Machine:
         return " or ".join(kinds)
 
 
-Piece = TypeVar("Piece")
-
-
-def _by_name(piece: str, model: Model, pairs: Iterable[tuple[str, Piece]]) -> Mapping[str, Piece]:
-    """Name → piece.  Raises ClutchestError for a name that occurs twice."""
-    named: dict[str, Piece] = {}
-    for name, value in pairs:
+def _by_name(piece: str, key: str, model: Model, given: Iterable[Any]) -> Mapping[str, Any]:
+    """The ``key`` of each → itself.  Raises ClutchestError for a name that occurs twice."""
+    named: dict[str, Any] = {}
+    for value in given:
+        name = getattr(value, key)
         if name in named:
             raise ClutchestError(f"machine '{model.name}': {piece} names '{name}' twice")
         named[name] = value

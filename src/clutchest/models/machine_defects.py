@@ -15,6 +15,8 @@ from clutchest.casadi_later import ca
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models.declarations import HISTORY
 from clutchest.models.effects.effect import RESERVED
+from clutchest.models.equation_slips import not_written, slips
+from clutchest.models.machine_values import wrong_kinds, wrong_numbers, wrong_steps
 from clutchest.models.model import POWER, Expressions
 from clutchest.models.thresholds import THRESHOLD_UNITS
 
@@ -24,6 +26,7 @@ POINTS = 16  # at which the equations are tried
 def defects(machine: Any, equations: bool = True) -> Iterator[tuple[str, str]]:
     """(piece, what is wrong with it) of a machine that cannot be registered; what its equations
     lack only where ``equations`` are to be tried."""
+    yield from wrong_kinds(machine)
     if not re.fullmatch(r"[a-z]\w*", machine.name):
         yield "name", "must be a word in lower case"
     for piece in ("states", "inputs", "sensors", "columns"):
@@ -39,6 +42,7 @@ def defects(machine: Any, equations: bool = True) -> Iterator[tuple[str, str]]:
         for name in (n for n in names if names.count(n) > 1):
             yield piece, f"names '{name}' twice"
     yield from _wrong_units(machine)
+    yield from wrong_numbers(machine)
     yield from _unknown_names(machine)
     if equations:
         yield from _unknown_quantities(machine)
@@ -46,12 +50,18 @@ def defects(machine: Any, equations: bool = True) -> Iterator[tuple[str, str]]:
 
 def _wrong_units(machine: Any) -> Iterator[tuple[str, str]]:
     """Units that cannot be read."""
-    for piece in ("states", "parameters", "inputs", "sensors", "columns"):
-        for item in getattr(machine, piece):
-            try:
-                units.parse(item.unit)
-            except ClutchestError as error:
-                yield piece, f"has {getattr(item, 'name', None) or item.key} in {error}"
+    named = [
+        (piece, getattr(item, "name", None) or item.key, item.unit)
+        for piece in ("states", "parameters", "inputs", "sensors", "columns")
+        for item in getattr(machine, piece)
+    ]
+    for piece in ("covariates", "smooth_over"):
+        named += [(piece, name, unit) for name, unit in getattr(machine, piece).items()]
+    for piece, name, unit in named:
+        try:
+            units.parse(unit)
+        except ClutchestError as error:
+            yield piece, f"has {name} in {error}"
 
 
 def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
@@ -133,20 +143,16 @@ def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
     """What the fullest form of the equations lacks."""
     try:
         model = machine.equations(machine.units)
+        if wrong := wrong_steps(model.longest):
+            yield "equations", wrong
         written = model.expressions()
-    except AttributeError as error:
-        yield "equations", _lacking(machine, error)
-        return
     except ClutchestError:
         raise
     except Exception as error:  # whatever a user's equations do wrong
-        lines = str(error).strip().splitlines()
-        yield (
-            "equations",
-            f"cannot be written out: {type(error).__name__}: {lines[-1:] and lines[-1]}",
-        )
+        yield "equations", not_written(machine, error)
         return
     quantities = set(written.quantities.names())
+    yield from slips(machine, model, written)
     if model.name != machine.name:
         yield "equations", f"are of model '{model.name}'"
     if model.anchor not in machine.units:
@@ -167,8 +173,9 @@ def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
                 yield piece, f"has no quantity '{name}'" + nearest(name, quantities)
     yield from _wrong_error_terms(machine, quantities)
     for fault in machine.faults:
-        if not any(n.key == fault.key for n in fault.effect.gains):
-            yield f"fault '{fault.name}'", f"has no gain '{fault.key}'"
+        gains = [n.key for n in fault.effect.gains]
+        if fault.key not in gains:
+            yield f"fault '{fault.name}'", f"has no gain '{fault.key}'" + nearest(fault.key, gains)
     for name in machine.excitations:
         if name in machine.scenarios():
             yield "excitations", f"names scenario '{name}' twice"
@@ -194,17 +201,6 @@ def _no_numbers(written: Expressions) -> list[str]:
     points = [rng.uniform(0.5, 50.0, (symbol.numel(), POINTS)) for symbol in symbols]
     values = np.array(ca.Function("tried", symbols, [made])(*points))
     return [name for name, row in zip(names, values, strict=True) if not np.isfinite(row).any()]
-
-
-def _lacking(machine: Any, error: AttributeError) -> str:
-    """What the equations ask for that is not there."""
-    wanted = str(error.name or "")
-    for sensor in machine.sensors:
-        if wanted == f"{sensor.name}_reading":
-            return f"assign no '{wanted}', what the sensor '{sensor.name}' reads"
-    declared = [*(p.key for p in machine.parameters), *(i.name for i in machine.inputs)]
-    hint = nearest(wanted, [*declared, *(s.name for s in machine.states)])
-    return f"use '{wanted}', which is neither declared nor assigned before{hint}"
 
 
 def _wrong_error_terms(machine: Any, quantities: Container[str]) -> Iterator[tuple[str, str]]:

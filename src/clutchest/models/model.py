@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
+from warnings import catch_warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -341,8 +342,9 @@ class Model:
         for i, parameter in enumerate(self.parameters):
             if parameter.key not in states:  # a state's nominal value leaves it the name
                 setattr(q, parameter.key, p[i])
-        for piece in self.pieces:
-            piece(q)
+        with catch_warnings(action="ignore", category=FutureWarning):  # CasADi's of NumPy's tanh
+            for piece in self.pieces:
+                piece(q)
         for name in (f"{state.name}_rate" for state in self.states):
             if name not in q.names():
                 setattr(q, name, 0.0)

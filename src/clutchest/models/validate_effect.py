@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from clutchest import units
 from clutchest.casadi_later import ca
-from clutchest.errors import nearest
-from clutchest.models.effects import Effect, Gains
+from clutchest.errors import ClutchestError, nearest
+from clutchest.models.effects import Effect, Gains, Number
 from clutchest.models.error_curve import is_curve
 from clutchest.models.machine import Machine
 from clutchest.models.model import Expressions, Model
@@ -30,12 +31,9 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
         return "has a name that is kept for curves, expected another"
     if not effect.gains:
         return "has no gain, expected at least one parameter with shape=False"
-    for number in effect.gains:
-        if not number.lower <= 0.0 < number.upper:
-            return (
-                f"has {number.key} between {number.lower:g} and {number.upper:g}, expected "
-                "a lower bound of at most 0 and an upper bound above 0"
-            )
+    for number in effect.parameters:
+        if wrong := _wrong_number(number):
+            return wrong
     inputs = [item.name for item in model.inputs]
     for signal in effect.delays:
         if signal not in inputs:
@@ -57,6 +55,23 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
         return f"uses '{error.name}', which does not exist" + nearest(str(error.name), valid)
     except Exception as error:  # the user's code may raise anything
         return f"cannot be evaluated: {type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _wrong_number(number: Number) -> str | None:
+    """What is wrong with the unit or the bounds of a number, in words; None for nothing."""
+    try:
+        units.parse(number.unit)
+    except ClutchestError as error:
+        return f"has {number.key} in {error}"
+    between = f"between {number.lower:g} and {number.upper:g}"
+    if not number.shape and not number.lower <= 0.0 < number.upper:
+        return (
+            f"has {number.key} {between}, expected "
+            "a lower bound of at most 0 and an upper bound above 0"
+        )
+    if number.shape and not number.lower <= number.default <= number.upper:
+        return f"has {number.key} with default = {number.default:g}, expected one {between}"
+    return None
 
 
 def _defect_of_values(
