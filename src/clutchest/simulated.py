@@ -41,10 +41,7 @@ from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
 _DAY, _SLOT = 86_400, 3_600  # s
-_TABLE, _ROW_S = (
-    "rows",
-    0.01,
-)  # of a vehicle without a bus: what is sampled together, and how often, s
+_ROW_S = 0.01  # from row to row of a vehicle without a bus, unless a signal states its period, s
 
 
 @partial(checked, own=("effects",))
@@ -195,10 +192,7 @@ def _sampled(
     channels = [
         Channel(
             name,
-            signal.bus.message or _TABLE,
-            _period(vehicle, database.message(signal.bus.message), signal)
-            if signal.on_bus
-            else signal.period or _ROW_S,
+            *_together(vehicle, database, signal),
             signal.noise,
             signal.noise_ar if noise_ar is None else noise_ar,
             signal.delay,
@@ -230,6 +224,17 @@ def _sampled(
         request = replace(request, effects=library, outsider=_acting(vehicle, own, every, request))
     sampled: Sampled = machine.generate(request)
     return sampled
+
+
+def _together(vehicle: Vehicle, database: Database, signal: SignalMap) -> tuple[str, float]:
+    """What is sampled together with a signal, and how often, s: its message, or in a table all
+    that have the same period."""
+    if signal.on_bus:
+        message = signal.bus.message
+        return message, _period(vehicle, database.message(message), signal)
+    period = signal.period or _ROW_S
+    fastest = min(s.period or _ROW_S for s in vehicle.signals.values() if not s.on_bus)
+    return "rows" if period == fastest else f"rows every {period:g} s", period
 
 
 def _own_effects(vehicle: Vehicle, wanted: Effects) -> dict[str, Effect]:

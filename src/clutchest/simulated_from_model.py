@@ -140,10 +140,7 @@ def _inputs(
     where = f"machine '{machine.name}': excitation '{request.scenario}'"
     try:
         given = dict(excitation(stream(request.seed, "excitation"), time, drawn))
-        values = {
-            name: np.broadcast_to(np.asarray(value, float), time.shape)
-            for name, value in given.items()
-        }
+        values = {name: np.asarray(value, float) for name, value in given.items()}
     except Exception as error:  # a user's function may raise anything
         words = " ".join(str(error).split())
         raise ClutchestError(f"{where}: {type(error).__name__}: {words}") from error
@@ -151,15 +148,20 @@ def _inputs(
     for name, value in values.items():
         if name not in names:
             raise ClutchestError(f"{where} gives '{name}', no input" + nearest(name, names))
+        if value.shape not in ((), time.shape):
+            raise ClutchestError(
+                f"{where} gives '{name}' as an array of {value.shape}, expected one number, or one "
+                f"at each of the {len(time)} times"
+            )
         if not np.isfinite(value).all():
             raise ClutchestError(f"{where}: '{name}' is no number at every time")
     columns = []
     for item in model.inputs:
         source = model.slopes.get(item.name)
         if item.name in values:
-            columns.append(values[item.name])
+            columns.append(np.broadcast_to(values[item.name], time.shape))
         elif source in values:
-            columns.append(np.gradient(values[source], time))
+            columns.append(np.gradient(np.broadcast_to(values[source], time.shape), time))
         elif item.default is None and source is None:
             raise ClutchestError(f"{where} gives no '{item.name}', which the equations need")
         else:

@@ -95,6 +95,11 @@ EXCITATIONS = {  # what is replaced, by what, and words of the message
         '"voltage": np.nan * voltage',
         "'voltage' is no number at every time",
     ),
+    "another number of times": (
+        '"voltage": voltage',
+        '"voltage": voltage[:5]',
+        "gives 'voltage' as an array of (5,), expected one number, or one at each of the",
+    ),
     "an exception": ("5.0 * np.sin", '"5" + np.sin', "UFuncTypeError"),
 }
 

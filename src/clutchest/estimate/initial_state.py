@@ -71,9 +71,10 @@ def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
     inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
     parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
     values = dict(compiled.machine.at_rest(parameters, inputs))
-    readings = np.flatnonzero(timeline.sensor == model.sensor(model.anchor))
-    if len(readings):
-        values[model.anchor] = timeline.z[readings[0]]
+    for i, sensor in enumerate(model.sensors):
+        readings = np.flatnonzero(timeline.sensor == i)
+        if model.anchor == (sensor.column or sensor.name) and len(readings):
+            values[model.anchor] = timeline.z[readings[0]]
     return np.array([values.get(state.name, 0.0) for state in model.states])
 
 
