@@ -50,6 +50,9 @@ _DAYS = (  # first and last of such numbers, their 1970-01-01, and who counts so
     (700_000.0, 770_000.0, 719_529.0, "as MATLAB counts them"),
     (0.0, 2.0, 0.0, "parts of a day, as Excel has a time of day"),
 )
+_TIMES_READ = (
+    "; expected s, dates such as 2024-02-29 23:59:59.5 or 29.02.2024 23:59:59.5, or times of day"
+)
 _DAY_STEP = 5e-5  # from time to time, below which numbers are no seconds (20 kHz) but days (4 s)
 
 
@@ -79,13 +82,14 @@ def split_header(header: str) -> tuple[str, str]:
 
 
 def _is_unit(text: str) -> bool:
-    if text.strip().lower() in _NS:
-        return True
+    return text.strip().lower() in _NS or _unit(text) is not None
+
+
+def _unit(text: str) -> units.Unit | None:
     try:
-        units.parse(text)
+        return units.parse(text)
     except ClutchestError:
-        return False
-    return True
+        return None
 
 
 def places(
@@ -152,6 +156,17 @@ def missing_words(
             yield f"{table.source}: no column '{how.column}' ({name}){hint}"
 
 
+def contrary_words(table: SignalTable, found: Mapping[str, Place]) -> Iterator[str]:
+    """Of columns whose header states another unit than the vehicle file, which is the one taken."""
+    for place in found.values():
+        own = split_header(place.column)[1] or table.units[place.column]
+        if own and _unit(own) not in (None, _unit(place.unit)):
+            yield (
+                f"{_file(table)}: column '{place.column}' states {own}, the vehicle file "
+                f"{place.unit}, which is taken"
+            )
+
+
 @dataclass(frozen=True, slots=True)
 class Clock:
     """The ``time`` (n,) of a table's rows, s, NaN where there is none; from ``start_ns`` on where
@@ -174,13 +189,15 @@ def clock_of(table: RowTable, mapped: Mapping[str, TableColumn]) -> Clock:
     known = np.isfinite(seconds)
     if not known.any():
         reason = "".join(f"; {warning}" for warning in warnings[-1:])
-        raise ClutchestError(f"{table.source}: no row with a time in s{reason}")
+        raise ClutchestError(f"{table.source}: no row with a time in s{reason}{_TIMES_READ}")
     start = float(seconds[known].min())
     absolute = start > 1e8
     if start < 0:
         warnings.append(f"{_file(table)}: time begins at {start:g} s; counted from there")
     if absolute or start < 0:
         seconds = seconds - start
+    if absolute:  # a number of 64 bits holds s since 1970 to a quarter of a microsecond
+        seconds = np.round(seconds, 6)
     return Clock(seconds, round(start * 1e9) if absolute else None, column, tuple(warnings))
 
 

@@ -21,6 +21,7 @@ from clutchest.reading.table_columns import (
     Clock,
     Place,
     clock_of,
+    contrary_words,
     missing_words,
     not_numbers,
     places,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _INDEX = re.compile(r"^(Unnamed: \d+|index|Index|#|)$")
+_TOGETHER = 0.1  # of the samples, from which on those at the time of another are named
 _MOST_NAMED = 8  # columns that are not used
 
 
@@ -61,7 +63,8 @@ def read_table(
     clock = clock_of(table, mapped) if isinstance(table, RowTable) else None
     file = Path(table.source).name
     warnings = [f"{file}: {words}" for words in table.notes]
-    warnings += [*missing_words(table, found, mapped), *(clock.warnings if clock else ())]
+    warnings += [*missing_words(table, found, mapped), *contrary_words(table, found)]
+    warnings += clock.warnings if clock else ()
     if not mapped:
         warnings += _ignored(table, found, columns, clock)
     rows = _Rows(table, clock, warnings)
@@ -133,6 +136,7 @@ class _Rows:
             self.end = float(self.clock.time[timed].max())
             self.warnings += _backward(self.table, self.clock.time, timed)
         self._useful = np.zeros(self.table.rows, bool)
+        self._together: list[str] = []
 
     def signal(
         self, name: str, place: Place, columns: Mapping[str, str], vehicle: Vehicle | None
@@ -160,6 +164,8 @@ class _Rows:
         if not given.any():
             self.warnings.append(f"{file}: column '{place.column}' is empty")
         rows = slice(None) if given.all() else np.flatnonzero(given)  # quicker than a mask
+        if np.count_nonzero(np.diff(time[rows]) == 0.0) > _TOGETHER * np.count_nonzero(given):
+            self._together.append(name)
         value = self._in_unit(column.value[rows], name, place, columns[name], vehicle)
         return Signal.of(name, columns[name], time[rows], value)
 
@@ -183,6 +189,11 @@ class _Rows:
         """All of them, with an account."""
         useful = int(self._useful.sum()) if self.clock is not None else self.useful
         start_ns = self.clock.start_ns if self.clock is not None else self.table.start_ns
+        if self._together:
+            self.warnings.append(
+                f"{Path(self.table.source).name}: samples of {', '.join(self._together)} have the "
+                "time of the sample before; expected a clock that tells them apart, each row once"
+            )
         return Signals(
             signals,
             start_ns=start_ns,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _DAY_S, _HOUR_S = 86_400.0, 3_600.0
 _SLASHES = r"^\s*(\d\d?)/(\d\d?)/\d{4}\b"
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M")
-_DATES = ("%d.%m.%Y",)
+_DATES = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%Y")
 _MINUTES = re.compile(r"\s*(\d{1,2}):(\d\d\.\d+)\s*")  # as Excel shows times
 _MOST_DAYS_FIRST = 12  # months
 
@@ -29,11 +29,16 @@ def written_times(cells: pd.Series, source: str) -> Floats | None:
     import pandas as pd
 
     written = cells.astype(str).fillna("").str.replace(",", ".", regex=False)
+    seconds = np.full(len(written), np.nan)
     for style in ("ISO8601", *_styles(written, source)):
-        dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
-        if dates.notna().any():
-            since = dates.dt.tz_localize(None) - pd.Timestamp(0)
-            return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+        if not (left := np.isnan(seconds)).any():
+            break
+        # the rest in the next style: a clock may leave out fractions of zero
+        dates = pd.to_datetime(written[left], errors="coerce", utc=True, format=style)
+        since = dates.dt.tz_localize(None) - pd.Timestamp(0)
+        seconds[left] = (since / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+    if np.isfinite(seconds).any():
+        return seconds
     found = [_MINUTES.fullmatch(text) for text in written]
     if any(found):
         minutes = [60.0 * float(m[1]) + float(m[2]) if m else np.nan for m in found]
