@@ -71,3 +71,21 @@ def test_a_table_is_simulated_with_each_signal_at_its_own_rate(rig, tmp_path):
     np.testing.assert_allclose(read["ambient_temp"].value[:count], value[seen], atol=1e-9)
     apart = np.diff(read["ambient_temp"].time)
     assert np.median(apart) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("swing", "gap", "warned"), [(5.0, 0.5, True), (5.0, 90.0, False), (0.0, 0.5, False)]
+)
+def test_an_input_that_is_held_though_it_moves_is_named(rig, tmp_path, swing, gap, warned):
+    """A slow input holds its last value; what moves by more than its noise is then late."""
+    car = edited(rig, "rig.toml", "[parameters]", f"[modes]\ngap = {gap}\n\n[parameters]")
+    write_simulation(tmp_path / "drive.csv", car, "mixed", 1, duration=20.0)
+    table = pd.read_csv(tmp_path / "drive.csv")
+    table["air"] += swing * np.sin(table["time"])
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    run = clutchest.replay(read_log(tmp_path / "drive.csv", car), car)
+    words = [w for w in run.warnings if w.startswith("ambient_temp: changes by")]
+    assert len(words) == warned
+    assert all(
+        "its gap of 60 s is longer than [modes] gap (0.5 s): it acts 0.5 s" in w for w in words
+    )

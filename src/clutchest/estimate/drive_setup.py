@@ -21,6 +21,7 @@ from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
 
+MOVING = 3.0  # times its noise, by which an input that holds its last value may change
 COARSEST = 0.5  # s between samples of the anchor, unless the vehicle file states a longer gap
 
 
@@ -211,7 +212,25 @@ def warnings_of(signals: Signals, setup: DriveSetup) -> tuple[str, ...]:
                 f"{name}: {counted(len(gaps), 'gap')}, the longest {max(gaps):.1f} s; "
                 "energy dissipated in a gap is not counted"
             )
-    return (*warnings, *(gap_warnings[name] for name in steady if name in gap_warnings))
+    gaps_of_steady = (gap_warnings[name] for name in steady if name in gap_warnings)
+    return (*warnings, *gaps_of_steady, *_held_and_moving(signals, setup, timings))
+
+
+def _held_and_moving(
+    signals: Signals, setup: DriveSetup, timings: Mapping[str, SampleTiming]
+) -> Iterator[str]:
+    """Of inputs that hold their last value although it changes by far more than their noise."""
+    for name in filter(setup.held, timings):
+        step, noise = np.diff(signals[name].only_valid().value), setup.noise(name)
+        change = float(np.sqrt(np.mean(step**2) / 2.0)) if len(step) else 0.0
+        if change > MOVING * noise > 0.0:
+            gap = next(i.gap for i in setup.model.inputs if i.name == name)
+            yield (
+                f"{name}: changes by {change / noise:.1f} times its noise from sample to sample, "
+                f"but is held in between, as its gap of {gap:g} s is longer than [modes] gap "
+                f"({setup.thresholds.gap:g} s): it acts {timings[name].period / 2.0:.2g} s late; "
+                "a longer [modes] gap has it interpolated"
+            )
 
 
 def _cleaned_times(
