@@ -19,6 +19,7 @@ from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Estimate, Innovations
 from clutchest.record.report import markdown
 from clutchest.record.terminal import print_run
+from clutchest.signals import Signal
 
 GOOD = 0.7  # |z| of the innovations of a right model
 
@@ -290,6 +291,30 @@ def test_signals_of_different_units_that_are_swapped_are_named(rig_drive):
 def test_an_angle_in_degrees_is_named(rig_drive):
     found = replay(mended(rig_drive, motor_angle=np.degrees), "alsd_rig").summary["contradiction"]
     assert "motor_angle is 180/π times too large" in found["explanation"]
+
+
+@pytest.mark.slow
+def test_an_angle_in_revolutions_is_named(rig_drive):
+    turns = mended(rig_drive, motor_angle=lambda a: a / (2.0 * np.pi))
+    found = replay(turns, "alsd_rig").summary["contradiction"]
+    assert "motor_angle is 2π times too small" in found["explanation"]
+
+
+def test_a_cure_is_judged_with_the_spreads_of_the_parameters():
+    """As the replay is that it explains.  Of another specimen whose angle is sampled less often
+    than its current, no cure fits within the noise alone."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    drive = clutchest.simulate(rig, "rig-steps", 3, duration=30.0)
+    angle, current = drive["motor_angle"], drive["armature_current"]
+    time = np.arange(current.time[0], current.time[-1], 1e-3)
+    fast = Signal.of("armature_current", "A", time, np.interp(time, current.time, current.value))
+    slow = angle.take(np.arange(0, len(angle), 2))
+    sampled = replace(
+        drive, signals={**drive.signals, "armature_current": fast, "motor_angle": slow}
+    )
+    assert replay(sampled, rig).summary["contradiction"] is None
+    found = replay(mended(sampled, motor_angle=np.negative), rig).summary["contradiction"]
+    assert "the sign of motor_angle is wrong" in found["explanation"]
 
 
 def test_the_stretch_with_which_a_short_drive_ends_is_judged_too(truck, healthy):

@@ -48,8 +48,9 @@ def test_dates_and_times_of_day_go_on_behind_midnight(truck, tmp_path, style):
     frame = pd.DataFrame({"time": stamps.strftime(style), "engine_speed": SPEED})
     frame.to_csv(tmp_path / "a.csv", index=False, sep=";")
     log = read_log(tmp_path / "a.csv", truck)
-    begin = 0.0 if CLOCKS[style] else 86_399.5  # of a day that is not stated
-    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-6)
+    np.testing.assert_allclose(log["engine_speed"].time, TIME, atol=2e-6)
+    said = any("a.csv: time begins at 86399.5 s; counted from there" in w for w in log.warnings)
+    assert said == (not CLOCKS[style])  # the day is not stated
     assert log.start_ns == (stamps[0].value if CLOCKS[style] else None)
 
 
@@ -68,7 +69,7 @@ def test_minutes_and_seconds_go_on_behind_the_hour(truck, tmp_path):
     frame = pd.DataFrame({"time": stamps, "engine_speed": SPEED})
     frame.to_csv(tmp_path / "a.csv", index=False)
     log = read_log(tmp_path / "a.csv", truck)
-    np.testing.assert_allclose(log["engine_speed"].time, seconds, atol=1e-9)
+    np.testing.assert_allclose(log["engine_speed"].time, TIME, atol=1e-9)
 
 
 NOON = pd.Timestamp("2026-02-28 12:00")
@@ -85,8 +86,7 @@ def test_days_as_numbers(truck, tmp_path, who, header):
     first, noon = DAYS[who]
     rows = [f"{first + t / 86_400:.12f},{v}" for t, v in zip(TIME, SPEED, strict=True)]
     log = read_log(written(tmp_path, "\n".join([f"{header},engine_speed", *rows])), truck)
-    begin = 43_200.0 if noon is None else 0.0
-    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-5)
+    np.testing.assert_allclose(log["engine_speed"].time, TIME, atol=2e-5)
     assert (log.start_ns is None) == (noon is None)
     if noon is not None:
         assert log.start_ns == pytest.approx(noon.value, abs=2e4)
@@ -99,7 +99,27 @@ def test_seconds_that_look_like_days_stay_seconds(truck, tmp_path, first):
     times = first + 1e-4 * np.arange(N)  # the fastest that a logger of such signals samples
     rows = [f"{t:.6f},{v}" for t, v in zip(times, SPEED, strict=True)]
     log = read_log(written(tmp_path, "\n".join(["time,engine_speed", *rows])), truck)
-    np.testing.assert_allclose(log["engine_speed"].time, times, atol=1e-6)
+    np.testing.assert_allclose(log["engine_speed"].time, times - first, atol=1e-6)
+
+
+@pytest.mark.parametrize("first", [-3.0, 3.0, 1000.0])
+def test_a_piece_of_a_longer_record_is_counted_from_its_first_row(truck, tmp_path, first):
+    """Estimates, windows and what is judged over stretches count from a drive's start."""
+    rows = [f"{first + t:.6f},{v}" for t, v in zip(TIME, SPEED, strict=True)]
+    log = read_log(written(tmp_path, "\n".join(["time,engine_speed", *rows])), truck)
+    np.testing.assert_allclose(log["engine_speed"].time, TIME, atol=1e-6)
+    assert log.end == pytest.approx(TIME[-1], abs=1e-6)
+    assert f"time begins at {first:g} s; counted from there" in " ".join(log.warnings)
+
+
+def test_signals_that_begin_one_after_another_keep_their_times(truck, tmp_path):
+    """The first within the longest step of any of them, as of messages of several periods."""
+    rows = [
+        f"{0.003 + t:.6f},{v},{80.0 if k % 10 == 5 else ''}"
+        for k, (t, v) in enumerate(zip(TIME, SPEED, strict=True))
+    ]
+    log = read_log(written(tmp_path, "\n".join(["time,engine_speed,coolant_temp", *rows])), truck)
+    np.testing.assert_allclose(log["engine_speed"].time, 0.003 + TIME, atol=1e-6)
 
 
 @pytest.mark.parametrize("clock", ["00:00:{:06.3f}", "00:{:04.1f}"], ids=["day", "hour"])

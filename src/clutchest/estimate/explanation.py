@@ -22,7 +22,7 @@ from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.run import Contradiction, Track
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import track_of
-from clutchest.estimate.whole_log import compile_model, delays, run
+from clutchest.estimate.whole_log import CONSIDERING, compile_model, delays, run
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -33,8 +33,8 @@ SHORTEST_S = 10.0  # s of a drive on which explanations are tried first, if it d
 # by how much units of one quantity differ: of any, and of those with this canonical unit
 FACTORS = {1000.0: "1000", 100.0: "100"}
 OF_UNIT = {
-    "rad": {180.0 / pi: "180/π"},
-    "rad/s": {60.0 / (2.0 * pi): "60/(2π)", 180.0 / pi: "180/π"},
+    "rad": {180.0 / pi: "180/π", 2.0 * pi: "2π"},
+    "rad/s": {60.0 / (2.0 * pi): "60/(2π)", 180.0 / pi: "180/π", 2.0 * pi: "2π"},
     "m/s": {3.6: "3.6"},
 }
 CLIPPED = 5.0  # standard deviations; a larger innovation counts as these
@@ -252,7 +252,7 @@ def _fit(signals: Signals, vehicle: Vehicle, factor: float, signal: str) -> Mend
         timeline = build(
             evenly_late(signals, vehicle), vehicle, compiled.model, RATE, delays(vehicle)
         )
-        filtered = run(compiled, timeline, fresh(vehicle, compiled, timeline))
+        filtered = run(compiled, timeline, fresh(vehicle, compiled, timeline), CONSIDERING)
         track = track_of(vehicle, compiled, timeline, filtered)
     except (ClutchestError, FloatingPointError, np.linalg.LinAlgError):
         return None

@@ -192,9 +192,7 @@ def clock_of(table: RowTable, mapped: Mapping[str, TableColumn]) -> Clock:
         raise ClutchestError(f"{table.source}: no row with a time in s{reason}{_TIMES_READ}")
     start = float(seconds[known].min())
     absolute = start > 1e8
-    if start < 0:
-        warnings.append(f"{_file(table)}: time begins at {start:g} s; counted from there")
-    if absolute or start < 0:
+    if absolute:
         seconds = seconds - start
     if absolute:  # a number of 64 bits holds s since 1970 to a quarter of a microsecond
         seconds = np.round(seconds, 6)

@@ -49,7 +49,7 @@ def read_table(
 
     A header may state a unit (``engine_speed [rpm]``); the ``[columns]`` of a ``vehicle`` name
     columns and units of their own.  One row per time stamp, an empty cell where a signal has no
-    sample.  Times in s are taken as given, unless they are times since 1970.  Cells that are no
+    sample.  Times begin near 0: others are counted from the first.  Cells that are no
     numbers are rejected one by one, rows without a time whole.  Raises ClutchestError if the time
     or every known column is missing, and for values that do not fit their unit.
     """
@@ -185,6 +185,15 @@ class _Rows:
             )
         return value * (how.reference / 100.0)
 
+    def _begin(self, signals: Mapping[str, Signal]) -> float:
+        """The time, s, from which all others are counted: 0, unless the first is before it, or
+        later than any other comes after the one before it, as of a clock that shows the time of
+        day or a piece of a longer record."""
+        times = [signal.time for signal in signals.values() if len(signal)]
+        first = min((float(time[0]) for time in times), default=0.0)
+        longest = max((float(np.diff(time).max(initial=0.0)) for time in times), default=0.0)
+        return first if first < 0.0 or first > longest else 0.0
+
     def result(self, signals: dict[str, Signal]) -> Signals:
         """All of them, with an account."""
         useful = int(self._useful.sum()) if self.clock is not None else self.useful
@@ -194,10 +203,15 @@ class _Rows:
                 f"{Path(self.table.source).name}: samples of {', '.join(self._together)} have the "
                 "time of the sample before; expected a clock that tells them apart, each row once"
             )
+        begin = self._begin(signals)
+        if begin:
+            file = Path(self.table.source).name
+            self.warnings.append(f"{file}: time begins at {begin:g} s; counted from there")
+            signals = {n: replace(s, time=s.time - begin) for n, s in signals.items()}
         return Signals(
             signals,
-            start_ns=start_ns,
-            end=self.end,
+            start_ns=None if start_ns is None else start_ns + round(begin * 1e9),
+            end=self.end - begin,
             counts=Counts(
                 self.table.rows, useful, {"no time": self.rejected} if self.rejected else {}
             ),
