@@ -55,6 +55,28 @@ def test_noise_is_held_against_the_tail_of_its_level(rate):
     assert not test.alarms
 
 
+UNEVEN = {  # s: of the samples' times, and of their reception; times the noise that is detected
+    "sampled late": (2e-5, 0.0, 5.0),
+    "received late": (0.0, 2e-4, 20.0),
+    "both": (2e-5, 2e-4, 50.0),
+    "both alike": (1e-4, 1e-4, 100.0),
+}
+
+
+@pytest.mark.parametrize("uneven", UNEVEN)
+@pytest.mark.parametrize("noisy", [False, True])
+def test_an_angle_that_turns_steadily_is_as_noisy_as_its_stamps_allow(uneven, noisy):
+    """25 rpm of a servo motor, of which 2 µs are the encoder's noise: live, on a bus."""
+    rng, even = np.random.default_rng(4), np.arange(0.0, 60.0, 0.005)
+    *stds, times = UNEVEN[uneven]
+    sampled, received = (std * rng.standard_normal(len(even)) for std in stds)
+    noise = 2e-5 * np.where(noisy & (even > 30.0), times, 1.0)
+    value = 9.0 * (even + sampled) + noise * rng.standard_normal(len(even))
+    test = Noise(SignalMap("s", BusSignal("m", "s", "1"), 2e-5), 1.0)
+    test.take(Batch({"s": Signal.of("s", "", even + sampled + received, value)}, {}))
+    assert len(test.alarms) == noisy
+
+
 @rates
 def test_equal_samples_fail_beyond_the_longest_run_that_chance_makes(rate):
     """Coarse samples that repeat by chance, then the same one for good."""

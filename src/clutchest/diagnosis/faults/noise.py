@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +21,7 @@ MATTERS = 2.0  # times the usual variance: half of what twice the noise makes
 GAP = 3.0  # sample periods
 NO_STEP = 0.01  # of the stated noise: rounding of what is computed, not the bus's resolution
 SMOOTH = 4.0  # second over fourth differences, both relative to pure noise: more is motion
+SURE = 3.0  # standard deviations of the share of the stamps' unevenness that is the samples'
 _LONG = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _SHORT = np.array([1.0, -2.0, 1.0])
 _MEDIAN = 0.455  # of a chi-square of one degree of freedom
@@ -31,9 +33,11 @@ class Noise(StreamTest):
 
     The level is the median of squared fourth differences over its expectation for the stated
     noise, with or without what uneven stamps make of the mean motion, whichever is smaller: stamps
-    may be those of the samples or not.  Motion contributes to them too, but more to second
-    differences: blocks in which it does are not tested.  Where the vehicle file guesses the noise,
-    the test does not run: a higher level is then no evidence of a fault.
+    may be those of the samples or not.  Where they are partly so, as of a bus whose frames are
+    sent unevenly and received late, the expectation contains what neither explains.  Motion
+    contributes to the differences too, but more to second ones: blocks in which it does are not
+    tested.  Where the vehicle file guesses the noise, the test does not run: a higher level is then
+    no evidence of a fault.
     """
 
     kind, fmi = "noise", 2
@@ -46,6 +50,7 @@ class Noise(StreamTest):
         self.tail, self.pending = new_tail(1.0), list[float]()
         self.rest = np.zeros((2, 0))
         self.step, self.period, self.blocks = np.inf, 0.0, 0
+        self.stamps = _Stamps()
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -77,8 +82,15 @@ class Noise(StreamTest):
         )[1:]
         self.step = float(step[-1])
         long, short = _differences(time, value, count)
-        level, short = long / self._expected(_LONG, step), short / self._expected(_SHORT, step)
+        expected = self._expected(_LONG, step), self._expected(_SHORT, step)
         whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= GAP * self.period
+        calm = whole & (short.least / expected[1] <= SMOOTH * long.least / expected[0])
+        self.stamps.take(long.value[calm], long.moved[calm])
+        unknown = self.stamps.unknown()
+        level, short = (
+            d.least / (e + unknown * np.median(d.moved**2, axis=1))
+            for d, e in zip((long, short), expected, strict=True)
+        )
         begin, end = time[:used:BLOCK], time[BLOCK + ORDER - 1 :: BLOCK]
         for k in np.flatnonzero(whole & (short <= SMOOTH * level)).tolist():
             self._test(float(begin[k]), float(end[k]), float(level[k]))
@@ -137,18 +149,63 @@ class Noise(StreamTest):
         return f"limit: twice the variance of the stated noise of {stated}; {tested}"
 
 
-def _differences(time: Floats, value: Floats, count: int) -> tuple[Floats, Floats]:
-    """Median squared fourth and second differences of each of ``count`` blocks of samples."""
+@dataclass(frozen=True, slots=True)
+class _Differences:
+    """Differences of one order in blocks (n, BLOCK): those of the ``value``, and what uneven
+    stamps make of the mean motion, ``moved``."""
+
+    value: Floats
+    moved: Floats
+
+    @property
+    def least(self) -> Floats:
+        """Median square (n,) of each block, without what the stamps make of it where that is
+        less."""
+        of = [np.median(d**2, axis=1) for d in (self.value, self.value - self.moved)]
+        return np.minimum(*of)
+
+
+def _differences(time: Floats, value: Floats, count: int) -> tuple[_Differences, _Differences]:
+    """Fourth and second differences of ``count`` blocks of samples."""
     speed = (value[ORDER:] - value[:-ORDER]) / np.maximum(time[ORDER:] - time[:-ORDER], 1e-9)
-    of_value = np.diff(value, ORDER), np.diff(value, 2)[1:-1]
-    of_time = np.diff(time, ORDER), np.diff(time, 2)[1:-1]
-    medians = [
-        np.median((v - share * speed * t).reshape(count, BLOCK) ** 2, axis=1)
-        for share in (0.0, 1.0)
-        for v, t in zip(of_value, of_time, strict=True)
-    ]
-    even = medians[0] <= medians[2]
-    return np.where(even, medians[0], medians[2]), np.where(even, medians[1], medians[3])
+
+    def of(values: Floats) -> tuple[Floats, Floats]:
+        return np.diff(values, ORDER), np.diff(values, 2)[1:-1]
+
+    long, short = (
+        _Differences(v.reshape(count, BLOCK), (speed * t).reshape(count, BLOCK))
+        for v, t in zip(of(value), of(time), strict=True)
+    )
+    return long, short
+
+
+class _Stamps:
+    """Which share of the unevenness of time stamps is that of the samples; the rest is that of
+    their reception."""
+
+    def __init__(self) -> None:
+        self.sums, self.count = np.zeros(3), 0
+
+    def take(self, value: Floats, moved: Floats) -> None:
+        """More fourth differences, as :class:`_Differences` has them; those at a frame that came
+        far later than most say nothing of the others."""
+        usual = np.median(moved**2, axis=1, keepdims=True) / _MEDIAN
+        usual = moved**2 <= SURE**2 * usual
+        value, moved = value[usual], moved[usual]
+        self.sums += [np.sum(value * moved), np.sum(moved**2), np.sum(value**2)]
+        self.count += value.size
+
+    def unknown(self) -> float:
+        """The variance of the samples' times, given their stamps, over that of the stamps: s(1−s)
+        for a share s, the largest within SURE standard deviations of it."""
+        both, stamps, values = self.sums
+        if stamps <= 0.0:
+            return 0.0
+        share = both / stamps
+        correlated = np.sum(np.correlate(_LONG, _LONG, "full") ** 2) / np.sum(_LONG**2) ** 2
+        std = np.sqrt(max(values / stamps - share**2, 0.0) * correlated / self.count)
+        nearest = np.clip(0.5, max(share - SURE * std, 0.0), max(min(share + SURE * std, 1.0), 0.0))
+        return float(nearest * (1.0 - nearest))
 
 
 def _variance(weights: Floats, ar: float) -> float:
