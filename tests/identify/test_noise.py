@@ -84,6 +84,16 @@ def test_a_sensor_that_sits_in_one_step_shows_only_rounding():
     assert 1 / np.sqrt(12) <= found.total < 1.3 / np.sqrt(12)
 
 
+def test_what_moves_all_the_time_is_not_said_to_be_hidden_by_rounding():
+    """A motor that steps once in two seconds, its angle sampled at 100 Hz: what the angle does in
+    every window passes for all of its noise, twenty times the step's."""
+    drive = clutchest.simulate("alsd_rig", "rig-steps", 3, duration=30.0)
+    slow = drive["motor_angle"].take(np.arange(0, len(drive["motor_angle"]), 2))
+    log = replace(drive, signals={**drive.signals, "motor_angle": slow})
+    found = clutchest.identify("noise", log, "alsd_rig").parameters["signals.motor_angle.noise"]
+    assert not found.determined and "too little of the log is quiet" in found.why
+
+
 def test_readings_cut_off_at_zero_are_left_out():
     noise = np.random.default_rng(2).standard_normal(4000)
     value = np.concatenate([np.maximum(noise[:2000], 0.0), 40 + noise[2000:]])

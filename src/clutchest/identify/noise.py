@@ -119,6 +119,12 @@ def _noise(readings: list[Signal], mapped: SignalMap, unit: str) -> _Result:
         return undetermined("moves in straight lines only: no noise is visible")
     loose, loose_ar = np.sqrt(np.diag(sensor.covariance))
     if sensor.noise <= BELOW_STEP * sensor.step:
+        if not sensor.quiet:
+            return undetermined(
+                "moves too much of the time: too little of the log is quiet to separate noise from "
+                "rounding and from what the signal itself does",
+                sensor,
+            )
         return _below_step(sensor, mapped, unit)
     if sensor.ar > SLOWEST or loose > LOOSEST:
         return undetermined(
