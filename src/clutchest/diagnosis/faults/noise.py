@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.diagnosis.faults.messages import fluctuating
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
@@ -21,9 +22,11 @@ MATTERS = 2.0  # times the usual variance: half of what twice the noise makes
 GAP = 3.0  # sample periods
 NO_STEP = 0.01  # of the stated noise: rounding of what is computed, not the bus's resolution
 SMOOTH = 4.0  # second over fourth differences, both relative to pure noise: more is motion
-SURE = 3.0  # standard deviations of the share of the stamps' unevenness that is the samples'
+FAR = 3.0  # standard deviations of an uneven stamp that says nothing of the others
 _LONG = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _SHORT = np.array([1.0, -2.0, 1.0])
+# samples over independent ones, of the squares of neighbouring differences
+_CORRELATED = np.sum(np.correlate(_LONG, _LONG, "full") ** 2) / np.sum(_LONG**2) ** 2
 _MEDIAN = 0.455  # of a chi-square of one degree of freedom
 
 
@@ -85,14 +88,13 @@ class Noise(StreamTest):
         expected = self._expected(_LONG, step), self._expected(_SHORT, step)
         whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= GAP * self.period
         calm = whole & (short.least / expected[1] <= SMOOTH * long.least / expected[0])
-        self.stamps.take(long.value[calm], long.moved[calm])
-        unknown = self.stamps.unknown()
-        level, short = (
+        unknown = self.stamps.unknown(long, expected[0], calm)
+        level, curved = (
             d.least / (e + unknown * np.median(d.moved**2, axis=1))
             for d, e in zip((long, short), expected, strict=True)
         )
         begin, end = time[:used:BLOCK], time[BLOCK + ORDER - 1 :: BLOCK]
-        for k in np.flatnonzero(whole & (short <= SMOOTH * level)).tolist():
+        for k in np.flatnonzero(whole & (curved <= SMOOTH * level)).tolist():
             self._test(float(begin[k]), float(end[k]), float(level[k]))
 
     def _test(self, begin: float, end: float, level: float) -> None:
@@ -184,28 +186,32 @@ class _Stamps:
     their reception."""
 
     def __init__(self) -> None:
-        self.sums, self.count = np.zeros(3), 0
+        # value · moved, moved², value², how many; median moved², and what of differences was left
+        self.sums = np.zeros(6)
 
-    def take(self, value: Floats, moved: Floats) -> None:
-        """More fourth differences, as :class:`_Differences` has them; those at a frame that came
-        far later than most say nothing of the others."""
-        usual = np.median(moved**2, axis=1, keepdims=True) / _MEDIAN
-        usual = moved**2 <= SURE**2 * usual
-        value, moved = value[usual], moved[usual]
-        self.sums += [np.sum(value * moved), np.sum(moved**2), np.sum(value**2)]
-        self.count += value.size
+    def unknown(self, more: _Differences, expected: Floats, calm: NDArray[np.bool_]) -> Floats:
+        """The variance of the samples' times, given their stamps, over that of the stamps (n,), by
+        what came before each of n more blocks whose noise is ``expected`` (n,).
 
-    def unknown(self) -> float:
-        """The variance of the samples' times, given their stamps, over that of the stamps: s(1−s)
-        for a share s, the largest within SURE standard deviations of it."""
-        both, stamps, values = self.sums
-        if stamps <= 0.0:
-            return 0.0
-        share = both / stamps
-        correlated = np.sum(np.correlate(_LONG, _LONG, "full") ** 2) / np.sum(_LONG**2) ** 2
-        std = np.sqrt(max(values / stamps - share**2, 0.0) * correlated / self.count)
-        nearest = np.clip(0.5, max(share - SURE * std, 0.0), max(min(share + SURE * std, 1.0), 0.0))
-        return float(nearest * (1.0 - nearest))
+        It is s(1−s) for a share s, the largest within one standard deviation of it, but no more
+        than was left of the differences before.  Only ``calm`` blocks (n,) say something of it.
+        """
+        value, moved, least = more.value, more.moved, more.least
+        level = np.median(moved**2, axis=1)
+        usual = calm[:, None] & (moved**2 <= FAR**2 / _MEDIAN * level[:, None])
+        parts = np.stack([value * moved, moved**2, value**2, np.ones_like(value)])
+        blocks = np.stack([level, least - expected]) * calm
+        sums = np.cumsum(np.concatenate([np.sum(parts * usual, axis=2), blocks]), axis=1)
+        before = self.sums[:, None] + np.pad(sums, ((0, 0), (1, 0)))
+        self.sums = before[:, -1]
+        both, stamps, values, count, levels, left = before[:, :-1]
+        share = both / np.maximum(stamps, 1e-300)
+        rest = np.maximum(values / np.maximum(stamps, 1e-300) - share**2, 0.0)
+        std = np.sqrt(rest * _CORRELATED / np.maximum(count, 1.0))
+        low, high = (np.clip(share + sign * std, 0.0, 1.0) for sign in (-1.0, 1.0))
+        s = np.clip(0.5, low, high)
+        most = np.maximum(left, 0.0) / np.maximum(levels, 1e-300)
+        return np.where(count > 0, np.minimum(s * (1.0 - s), most), 0.25)
 
 
 def _variance(weights: Floats, ar: float) -> float:
