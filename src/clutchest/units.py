@@ -48,6 +48,7 @@ _SYMBOLS = {
     "K": Unit(1.0, (0, 0, 0, 1, 0)),
     "A": Unit(1.0, (0, 0, 0, 0, 1)),
     "mA": Unit(1e-3, (0, 0, 0, 0, 1)),
+    "mrad": Unit(1e-3, _NONE),
     "mm": Unit(1e-3, (0, 1, 0, 0, 0)),
     "µm": Unit(1e-6, (0, 1, 0, 0, 0)),
     "km": Unit(1e3, (0, 1, 0, 0, 0)),
@@ -59,6 +60,8 @@ _SYMBOLS = {
     "Nm": Unit(1.0, (1, 2, -2, 0, 0)),
     "kNm": Unit(1e3, (1, 2, -2, 0, 0)),
     "mNm": Unit(1e-3, (1, 2, -2, 0, 0)),
+    "Ncm": Unit(1e-2, (1, 2, -2, 0, 0)),
+    "Nmm": Unit(1e-3, (1, 2, -2, 0, 0)),
     "lbft": Unit(_POUND * 0.3048, (1, 2, -2, 0, 0)),
     "J": Unit(1.0, (1, 2, -2, 0, 0)),
     "kJ": Unit(1e3, (1, 2, -2, 0, 0)),
@@ -122,8 +125,12 @@ _ALIASES = {
     "lbf·ft": "lbft",
     "N.m": "Nm",
     "N m": "Nm",
+    "N-m": "Nm",
+    "N.mm": "Nmm",
+    "N-mm": "Nmm",
     "percent": "%",
     "ohm": "Ohm",
+    "Grad": "°",
     "um": "µm",
     "L": "l",
     "lpm": "l/min",
@@ -152,7 +159,8 @@ def parse(text: str) -> Unit:
 
 
 def _parsed(text: str) -> Unit:
-    source = _ALIASES.get(text.strip(), text.strip())
+    text = text.strip().replace("\u03bc", "µ")  # a Greek letter for the sign of micro
+    source = _ALIASES.get(text, text)
     source = re.sub(r"[⁻⁰¹²³⁴-⁹]+", lambda m: "^" + m.group().translate(_SUPERSCRIPTS), source)
     source = re.sub(r"[·*]", " ", source)
     numerator, _, denominator = source.partition("/")

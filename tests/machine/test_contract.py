@@ -21,7 +21,7 @@ TEXT = (SERVO / "servo.py").read_text(encoding="utf-8")
 DEFECTS = {  # what is replaced, by what, and words of the message
     "state twice": ('State("speed"', 'State("current"', "states names 'current' twice"),
     "unit of a state": ('"speed", "rad/s"', '"speed", "rad/fortnight"', "states has speed in"),
-    "unit of a parameter": ('"viscous", "Nm s/rad"', '"viscous", "Nmm"', "parameters has viscous"),
+    "unit of a parameter": ('"viscous", "Nm s/rad"', '"viscous", "Nmx"', "parameters has viscous"),
     "parameter that is not declared": (
         "q.viscous * q.speed",
         "q.viscosity * q.speed",
@@ -105,7 +105,7 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         'covariates=("motor_torque",)',
         "covariates is one tuple, expected names and what they stand for",
     ),
-    "unit of a covariate": ('"motor_torque": "Nm"', '"motor_torque": "Nmm"', "motor_torque in"),
+    "unit of a covariate": ('"motor_torque": "Nm"', '"motor_torque": "Nmx"', "motor_torque in"),
     "text in place of a noise": ("0.02, 1.0, 1.0", '"0.02", 1.0, 1.0', "process_noise = '0.02'"),
     "noise below 0": ("0.02, 1.0, 1.0", "-0.02, 1.0, 1.0", "process_noise = -0.02, expected a num"),
     "initial std below 0": ("0.02, 1.0, 1.0", "0.02, -1, 1.0", "current with initial_std = -1"),
@@ -171,8 +171,8 @@ DEFECTS = {  # what is replaced, by what, and words of the message
     ),
     "unit of an effect's number": (
         'cm.Number("change", "1", -0.3, 0.3)',
-        'cm.Number("change", "Nmm", -0.3, 0.3)',
-        "effect 'current_gain' has change in unknown unit 'Nmm'",
+        'cm.Number("change", "Nmx", -0.3, 0.3)',
+        "effect 'current_gain' has change in unknown unit 'Nmx'",
     ),
     "shape without a default": (
         "shape=True, default=10.0, grid",

@@ -195,7 +195,7 @@ def test_bad_cells_are_reported_and_the_good_kept(tmp_path: Path, truck) -> None
     ("text", "message"),
     [
         ("time,engin_speed\n0,1\n", "no known signal .*engin_speed; did you mean 'engine_speed'"),
-        ("x,engine_speed\n0,1\n", r"no column 'time' \(s\); it has x, engine_speed"),
+        ("x,engine_speed\n0,1\n", r"no column of times, .* time, t, .*; it has x, engine_speed"),
         ("", "the file is empty"),
         ("time,engine_speed\n,1\n", "no row with a time"),
         ("time,engine_speed,engine_speed\n0,1,2\n", "column"),

@@ -258,11 +258,14 @@ def origin_of_parameters(machine: Machine, template: str) -> tuple[str, ...]:
     """Of which shipped vehicle guessed parameters are, and what would determine them, in words."""
     if not template:
         return ()
+    positions = any(p.unit == "mm" for p in machine.parameters)
     words = (
-        f"parameters are those of the nearest shipped vehicle, {template}, with spreads of a third "
-        "(of positions 1 mm): torque, energies and temperatures rest on them"
+        f"parameters are those of the nearest shipped vehicle, {template}, with spreads of a third"
+        f"{' (of positions 1 mm)' * positions}: torque, energies and temperatures rest on them"
     )
-    determined = [f"{p.name} ({', '.join(p.parameters)})" for p in machine.procedures]
+    ways = [(each.name, each.parameters) for each in machine.procedures]
+    ways += [(each.name, each.parameters) for each in machine.experiments]
+    determined = [f"{name} ({', '.join(parameters)})" for name, parameters in ways]
     if not determined:
         return (words,)
     return words, f"clutchest identify determines them from logs: {', '.join(determined)}"

@@ -22,9 +22,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TIME = "time"
-_TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
+_TIMES = (
+    *("time", "t", "timestamp", "timestamps", "clock", "time_of_day"),
+    *("zeit", "zeitstempel", "uhrzeit", "temps", "tiempo", "tempo"),
+)
 _DATES = ("date", "datetime", "date_time", "datum", "utc")
-_HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
+_HEADER = re.compile(r"^(?P<name>.*?\S)\s*(?P<mark>[\[(])\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
 _LEFT = "(l)"  # as often the left one of two as litres
 _TIME_SUFFIX = re.compile(r"^(t|time|timestamp|zeit)_(s|ms|us|ns)$", re.IGNORECASE)
 _SUFFIXES = {  # of names such as engine_speed_rpm
@@ -66,11 +69,13 @@ class Place:
 
 def split_header(header: str) -> tuple[str, str]:
     """(name, unit) of a header such as ``engine_speed [rpm]`` or ``engine_speed_rpm``; no unit
-    where none is known."""
+    where none is known.  What square brackets hold is a unit, whether it is known or not."""
     written = header.strip()
     match = _HEADER.match(written)
-    if match and _is_unit(match["unit"]) and not written.lower().endswith(_LEFT):
-        return match["name"].strip(), match["unit"].strip()
+    unit = match["unit"].strip() if match else ""
+    is_one = _is_unit(unit) and not written.lower().endswith(_LEFT)
+    if match and unit and (match["mark"] == "[" or is_one):
+        return match["name"].strip(), unit
     if ended := _TIME_SUFFIX.match(written):
         return ended[1], ended[2]
     if ended := _SUFFIX.match(written):
@@ -79,6 +84,11 @@ def split_header(header: str) -> tuple[str, str]:
     if ended := _TEMPERATURE.match(written):
         return ended[1], {"C": "°C", "F": "°F", "K": "K"}[ended[2]]
     return written, ""
+
+
+def is_time(header: str) -> bool:
+    """Whether a column of this name holds the times."""
+    return _plain(split_header(header)[0]) in (*_TIMES, *_DATES)
 
 
 def _is_unit(text: str) -> bool:
@@ -104,9 +114,9 @@ def places(
     found: dict[str, Place] = {}
     for name, unit in wanted.items():
         how = mapped.get(name)
-        header = _header_of(how.column if how else name, headers)
+        header = header_of(how.column if how else name, headers)
         if header is None and how:  # a table that ``convert`` wrote has canonical names
-            how, header = None, _header_of(name, headers)
+            how, header = None, header_of(name, headers)
         if header is None:
             continue
         stated = (how.unit if how else "") or headers[header][1] or table.units[header]
@@ -114,7 +124,7 @@ def places(
     return found
 
 
-def _header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
+def header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
     """The header that is ``name``, where it must be without unit and case, and with blanks, points,
     hyphens or capitals for underscores."""
     if name in headers:
@@ -137,7 +147,10 @@ def _checked(table: SignalTable, header: str, name: str, stated: str, unit: str)
     try:
         fits = stated == "K" or units.compatible(stated, unit)
     except ClutchestError as problem:
-        raise ClutchestError(f"{table.source}: column '{header}': {problem}") from None
+        raise ClutchestError(
+            f"{table.source}: column '{header}': {problem}; [columns] of the vehicle file states "
+            f'it: {name} = {{ column = "{header}", unit = "{unit}" }}'
+        ) from None
     if fits or stated == "%":
         return stated
     raise ClutchestError(
@@ -203,17 +216,18 @@ def _time_column(table: RowTable, mapped: Mapping[str, TableColumn]) -> tuple[st
     """(header, unit) of the column of times."""
     headers = {header: split_header(header) for header in table.units}
     how = mapped.get(TIME)
-    if how and (header := _header_of(how.column, headers)) is not None:
+    if how and (header := header_of(how.column, headers)) is not None:
         return header, how.unit or headers[header][1] or table.units[header]
     for names in (_TIMES, _DATES):
         for name in names:
-            if (header := _header_of(name, headers)) is not None:
+            if (header := header_of(name, headers)) is not None:
                 return header, headers[header][1] or table.units[header]
     if how:
         hint = nearest(how.column, table.units)
         raise ClutchestError(f"{table.source}: no column '{how.column}' (time){hint}")
     raise ClutchestError(
-        f"{table.source}: no column 'time' (s); it has " + ", ".join(list(table.units)[:8])
+        f"{table.source}: no column of times, expected one named {', '.join(_TIMES)}, or of dates, "
+        f"named {', '.join(_DATES)}; it has {', '.join(list(table.units)[:8])}"
     )
 
 

@@ -40,8 +40,9 @@ GAP_PERIODS = 3.0  # of the slowest column, that a gap may last in the drafted f
 @dataclass(frozen=True, slots=True)
 class ColumnStatistics:
     """One column: its ``unit`` as far as the table states it, ``count`` numbers from ``low`` to
-    ``high``, None without any; ``step`` the smallest change, ``period_s`` between numbers, and
-    their ``scatter`` about their neighbours."""
+    ``high``, None without any; ``step`` the smallest difference, None where no number occurs twice,
+    as of an angle that grows; ``period_s`` between numbers, and their ``scatter`` about their
+    neighbours."""
 
     column: str
     unit: str
@@ -223,7 +224,8 @@ def _surveyed(table: SignalTable, warnings: list[str]) -> _Surveyed:
         known = np.isfinite(column.value) & column.given & np.isfinite(times)
         value, when = column.value[known], np.sort(times[known])
         duration = max(duration, float(np.ptp(when)) if len(when) else 0.0)
-        steps = np.abs(np.diff(np.unique(value)))
+        distinct = np.unique(value)
+        steps = np.diff(distinct[: 0 if len(distinct) == len(value) else None])
         columns[header] = ColumnStatistics(
             header,
             unit or table.units[header],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from clutchest import units
 from clutchest.budgets import LARGEST
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
+from clutchest.models import shipped_machines
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import (
     TIME,
@@ -22,6 +23,8 @@ from clutchest.reading.table_columns import (
     Place,
     clock_of,
     contrary_words,
+    header_of,
+    is_time,
     missing_words,
     not_numbers,
     places,
@@ -80,13 +83,25 @@ def read_table(
 def _nothing_known(
     table: SignalTable, columns: Mapping[str, str], mapped: Mapping[str, TableColumn]
 ) -> ClutchestError:
-    unknown = [name for name in table.units if not _INDEX.match(name) and name.lower() != TIME]
-    known = [how.column for how in mapped.values()] or columns
+    unknown = [name for name in table.units if not (_INDEX.match(name) or is_time(name))]
+    known = [how.column for name, how in mapped.items() if name != TIME] or columns
     hint = nearest(unknown[0], known) if unknown else ""
     return ClutchestError(
         f"{table.source}: no known signal among its columns: "
-        f"{', '.join(unknown[:_MOST_NAMED]) or 'none at all'}{hint}"
+        f"{', '.join(unknown[:_MOST_NAMED]) or 'none at all'}{hint}{_whose(table, unknown)}"
     )
+
+
+def _whose(table: SignalTable, unknown: Sequence[str]) -> str:
+    """Of which machine the ``unknown`` columns are, else how they become known."""
+    headers = {header: split_header(header) for header in unknown}
+    for machine in shipped_machines():
+        if sum(header_of(name, headers) is not None for name in machine.units) > 1:
+            return f"; they are those of machine '{machine.name}': --vehicle {machine.template}"
+    if not unknown:
+        return ""
+    file = Path(table.source).name
+    return f"; `clutchest inspect {file}` drafts a vehicle file whose [columns] name them"
 
 
 def _ignored(

@@ -147,22 +147,43 @@ WHEELS = (
     Input("wheel_speed_right", "rad/s", "ω_r", "the other wheel of the axle"),
 )
 
-# How a bus may name them.
-_ARMATURE, _MOTOR = r"(arm(ature)?|mot(or)?|act(uator)?)", r"(mot(or)?|rotor|act(uator)?)"
-_TORQUE, _ANGLE = r"(torque|trq|tq|moment)", r"(ang|pos|phi|alpha)"
+# How a bus or a table may name them.
+_ARMATURE, _MOTOR = r"(arm(ature)?|anker|mot(or)?|act(uator)?)", r"(mot(or)?|rotor|act(uator)?)"
+_TORQUE = r"(torque|trq|tq|(dreh)?moment|(?<![a-z])m(?![a-z]))"
+_ANGLE = r"(ang(le)?|pos(ition)?|phi|alpha|winkel)"
+_DRIVE, _CLUTCH = r"(drive|servo|antrieb)", r"(clutch|kupplung)"
 _WHEEL = r"(wheel|whl|rad)\w*(speed|spd|_n_|_w_)\w*?"
+
+
+def _either(one: str, other: str) -> str:
+    """A name of both, in either order: ``motor_angle``, ``phi_Motor``."""
+    return f"{one}_?{other}|{other}_?{one}"
+
+
 _OF_CAR = tuple(item.name for item in WHEELS)  # a rig has slip and a drive instead
 
 COLUMNS = (
-    Column("armature_voltage", "V", rests=True, noisiest=2.0, named=_ARMATURE + r"_?(volt|u(_|$))"),
-    Column("armature_current", "A", rests=True, noisiest=5.0, named=_ARMATURE + r"_?(curr|i(_|$))"),
-    Column("motor_angle", "rad", noisiest=1.0, named=f"{_MOTOR}_?{_ANGLE}"),
+    Column(
+        "armature_voltage",
+        "V",
+        rests=True,
+        noisiest=2.0,
+        named=_ARMATURE + r"_?(volt|spannung|u(_|$))|^u_?" + _ARMATURE,
+    ),
+    Column(
+        "armature_current",
+        "A",
+        rests=True,
+        noisiest=5.0,
+        named=_ARMATURE + r"_?(curr|strom|i(_|$))|^i_?" + _ARMATURE,
+    ),
+    Column("motor_angle", "rad", noisiest=1.0, named=_either(_MOTOR, _ANGLE)),
     Column(
         "slip_speed",
         "rad/s",
         rests=True,
         noisiest=2.0,
-        named=r"slip|schlupf|delta_?speed",
+        named=r"slip|schlupf|delta_?(speed|n(_|$))|^n_?diff|drehzahldiff",
         instead=_OF_CAR,
     ),
     Column(
@@ -170,28 +191,29 @@ COLUMNS = (
         "°C",
         possible=(-50.0, 180.0, 5.0),
         noisiest=10.0,
-        named=r"(oil|(ö|oe)l|fluid)\w*(temp|_t$)|^t_?oil",
+        named=r"(oil|(ö|oe)l|fluid)\w*(temp|_t$)|^t_?(oil|öl|oel)",
     ),
     Column(
         "armature_temp",
         "°C",
         possible=(-50.0, 250.0, 20.0),
         noisiest=20.0,
-        named=r"(arm(ature)?|winding|coil|mot(or)?)_?\w*temp",
+        named=r"(arm(ature)?|anker|winding|wicklung|coil|mot(or)?)_?\w*temp"
+        r"|^t_?(arm|anker|winding|wicklung|coil|mot)",
     ),
     Column(
         "clutch_torque",
         "Nm",
         noisiest=200.0,
-        named=r"(clutch|kupplung)_?\w*" + _TORQUE,
+        named=_CLUTCH + r"_?\w*" + _TORQUE + "|" + _TORQUE + "_?" + _CLUTCH,
         instead=("shaft_torque",),
     ),
-    Column("motor_torque", "Nm", noisiest=1.0, named=f"{_MOTOR}_?{_TORQUE}"),
+    Column("motor_torque", "Nm", noisiest=1.0, named=_either(_MOTOR, _TORQUE)),
     Column(
         "drive_torque",
         "Nm",
         noisiest=100.0,
-        named=r"(drive|servo)_?" + _TORQUE,
+        named=_either(_DRIVE, _TORQUE),
         instead=_OF_CAR,
     ),
     Column(
@@ -205,10 +227,10 @@ COLUMNS = (
         "drive_angle",
         "rad",
         noisiest=0.05,
-        named=r"(drive|servo)_?" + _ANGLE,
+        named=_either(_DRIVE, _ANGLE),
         instead=_OF_CAR,
     ),
-    Column("torque_request", "Nm", named=_TORQUE + r"_?(req|dem|set|cmd|soll)"),
+    Column("torque_request", "Nm", named=_either(_TORQUE, r"(req|dem|set|cmd|soll)")),
     Column(
         "wheel_speed_left",
         "rad/s",
