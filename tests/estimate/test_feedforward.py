@@ -154,3 +154,37 @@ def test_a_request_beyond_the_actuator_is_said() -> None:
     reached = beyond.columns["friction_potential"].max()
     assert beyond.unmet == f"the request is not met: {reached:.4g} Nm at most, of 1e+07 Nm"
     assert beyond.shown().line.endswith(beyond.unmet)
+
+
+OWN_COLUMNS = '[columns]\nmotor_angle = "phi"\ntorque_request = "M_soll"\n\n[parameters]'
+
+
+def test_only_columns_that_the_inverse_uses_are_missed(tmp_path: Path) -> None:
+    """A vehicle file with columns of its own, and a table of nothing but the request."""
+    text = load_vehicle("alsd_rig").path.read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text.replace("[parameters]", OWN_COLUMNS), "utf-8")
+    request = tmp_path / "request.csv"
+    pd.DataFrame({"Zeit": TIME, "M_soll [Nmm]": 1e3 * step(900.0)}).to_csv(request, index=False)
+    found = feedforward(tmp_path / "mine.toml", request)
+    assert found.warnings == ()
+    assert found.columns["torque_request"].max() == pytest.approx(900.0)
+    np.testing.assert_allclose(found.columns["current"], planned(900.0).columns["current"])
+
+
+def test_a_hole_in_the_request_is_said(tmp_path: Path) -> None:
+    """As empty cells and as rows that are not there; not between the corners of a polygon."""
+    table = pd.DataFrame({"time": TIME, "torque_request": step(900.0)})
+    hole = (TIME > 0.5) & (TIME < 0.8)
+    empty = table.assign(torque_request=table["torque_request"].mask(hole))
+    for rows in (empty, table[~hole]):
+        rows.to_csv(tmp_path / "request.csv", index=False)
+        (warning,) = feedforward("alsd_rig", tmp_path / "request.csv").warnings
+        assert warning == "torque_request: no value from 0.5 to 0.8 s: a straight line is taken"
+    assert planned(900.0).warnings == ()
+    assert feedforward("alsd_rig", ([0.0, 0.1, 1.0, 1.1], [0.0, 900.0, 900.0, 0.0])).warnings == ()
+
+
+def test_a_request_of_words_says_which_cell(tmp_path: Path) -> None:
+    (tmp_path / "request.csv").write_text("time,torque_request\n0,0\n1,much\n")
+    with pytest.raises(ClutchestError, match=r"lasts 0 s.*row 3: torque_request 'much' is not a"):
+        feedforward("alsd_rig", tmp_path / "request.csv")

@@ -16,6 +16,7 @@ from clutchest.estimate.whole_log import present_effects
 from clutchest.models.declarations import Inverse
 from clutchest.quantity import Quantity
 from clutchest.reading import read_log
+from clutchest.reading.table_columns import TIME
 from clutchest.shipped import shipped
 from clutchest.shown import Showing, Shown, with_unit
 from clutchest.signals import Floats, Signal, Signals
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 PERIOD = 1e-3  # s between rows
 MET = 0.9  # of the highest request, from which on it is met
 LONGEST = 3600.0  # s of a request
+MANY, HOLE = 20, 10.0  # values of a request; usual steps that one without a value is longer than
 NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 
 Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
@@ -135,7 +137,8 @@ def feedforward(
     units |= {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
     every = {**asked, **columns}
     of = (vehicle.name, inverse.request, inverse.reached)
-    return Feedforward(*of, every, units, taken, signals.warnings)
+    holes = _holes(signals[inverse.request].only_valid())
+    return Feedforward(*of, every, units, taken, (*signals.warnings, *holes))
 
 
 def _with_inverse() -> list[str]:
@@ -162,10 +165,7 @@ def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
             )
         request = Signals({inverse.request: Signal.of(inverse.request, "", time, value)})
     elif not isinstance(request, Signals):
-        if inverse.request not in vehicle.signals:  # tables may have it nevertheless
-            own = SignalMap(inverse.request, BusSignal("", "", ""), noise=1.0)
-            vehicle = replace(vehicle, signals={**vehicle.signals, inverse.request: own})
-        request = read_log(request, vehicle)
+        request = read_log(request, _reduced(vehicle, inverse))
     if inverse.request not in request.available:
         has = ", ".join(sorted(request.available)) or "nothing"
         why = "; ".join(("", *request.warnings))
@@ -173,13 +173,36 @@ def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
     return request
 
 
+def _reduced(vehicle: Vehicle, inverse: Inverse) -> Vehicle:
+    """The vehicle without the signals and columns that the inverse does not use."""
+    of = {inverse.model.slopes.get(item.name, item.name) for item in inverse.model.inputs}
+    # tables may have a request that the vehicle file does not map
+    own = SignalMap(inverse.request, BusSignal("", "", ""), noise=1.0)
+    signals = {inverse.request: own, **{n: s for n, s in vehicle.signals.items() if n in of}}
+    columns = {n: c for n, c in vehicle.columns.items() if n in of or n == TIME}
+    return replace(vehicle, signals=signals, columns=columns)
+
+
+def _holes(request: Signal) -> tuple[str, ...]:
+    """In words, the longest time without a value in a request of many; a table of a few corners
+    has straight lines between them on purpose."""
+    steps = np.diff(request.time)
+    if len(steps) < MANY or steps.max() <= HOLE * np.median(steps):
+        return ()
+    k = int(np.argmax(steps))
+    begin, end = request.time[k], request.time[k + 1]
+    return (f"{request.name}: no value from {begin:g} to {end:g} s: a straight line is taken",)
+
+
 def _inputs(signals: Signals, inverse: Inverse) -> tuple[Floats, dict[str, Floats]]:
     """Times of the rows, s, and the inputs of the equations at them."""
     asked = signals[inverse.request].only_valid()
     first, last = float(asked.time[0]), float(asked.time[-1])
     if not 0.0 < last - first <= LONGEST:
+        why = "; ".join(("", *signals.warnings))
         raise ClutchestError(
-            f"the request lasts {last - first:g} s, expected more than 0 and at most {LONGEST:g} s"
+            f"the request lasts {last - first:g} s, expected more than 0 and at most "
+            f"{LONGEST:g} s{why}"
         )
     time = first + np.arange(round((last - first) / PERIOD) + 1, dtype=np.float64) * PERIOD
     inputs: dict[str, Floats] = {}
