@@ -18,6 +18,7 @@ from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
+from clutchest.estimate.doubts import doubts
 from clutchest.estimate.drive import Drive, Stretch, begun
 from clutchest.estimate.drive_setup import Unusable, timings_of, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
@@ -89,7 +90,8 @@ def replay(
         tracks.append(replace(track, responses=followed, judder=_judder(drive, track, vehicle)))
         uninformed = tuple(part.compiled.model.unobservable)
         band = unmeasured_band(vehicle.machine.tracking, drive, track, uninformed)
-        parts.append(replace(part, warnings=[*part.warnings, *([band] if band else [])]))
+        doubtful = [*([band] if band else []), *doubts(drive, track, part.compiled.model)]
+        parts.append(replace(part, warnings=[*part.warnings, *doubtful]))
     if not tracks:
         raise unusable[0][1]
     if unusable:
