@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import clutchest
+from clutchest.estimate.explanation import remedies
 from clutchest.estimate.replay import replay
+from clutchest.signals import Signal, Why
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +47,13 @@ def test_readings_that_no_single_mistake_explains_are_doubted(rig_drive):
     assert run.summary["contradiction"] is None
     (warning,) = (w for w in run.warnings if "readings differ" in w)
     assert "clutch_torque (" in warning and "discover" in warning
+
+
+def test_a_signal_that_is_mostly_beyond_its_range_is_swapped_with_none(rig_drive):
+    """A torque in Nmm: what of it is within the range of the bus's field tells of no swap."""
+    rig, torque = clutchest.load_vehicle("alsd_rig"), rig_drive["clutch_torque"]
+    beyond = Signal.of("clutch_torque", "Nm", torque.time, torque.value * 1e3)
+    beyond.why[np.abs(torque.value) > 3.2] = Why.OUT_OF_RANGE
+    small = replace(rig_drive, signals={**rig_drive.signals, "clutch_torque": beyond})
+    assert not any(r.kind == "swap" and "clutch_torque" in r.words for r in remedies(small, rig))
+    assert any("clutch_torque and drive_torque" in r.words for r in remedies(rig_drive, rig))

@@ -57,6 +57,7 @@ from clutchest.discovery.verdict import (
     least_confirmed,
 )
 from clutchest.discovery.where import Where
+from clutchest.estimate.credible import require_credible
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
@@ -93,8 +94,9 @@ def discover(
     ``effects_files``: the user's own hypotheses, tested beside the library's.
     ``on_identifiability``: called with the identifiability of every effect, before any is fitted.
     Raises ClutchestError where the machine
-    declares no error terms, the model cannot be driven by these signals, held-out drives lack some
-    of them, or an effect of the user's cannot be tested.
+    declares no error terms, the model cannot be driven by these signals, a wrong sign or unit, a
+    swap or a dead sensor makes them contradict it, held-out drives lack some of them, or an effect
+    of the user's cannot be tested.
     """
     vehicle = load_vehicle(vehicle)
     machine = vehicle.machine
@@ -107,6 +109,8 @@ def discover(
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
     if (off := disagreement(signals, vehicle)) is not None:
         signals, held_out = off.corrected(signals), tuple(map(off.corrected, held_out))
+    for each in (signals, *held_out):
+        require_credible(each, vehicle, "discover", progress)
     files = tuple(map(Path, effects_files))
     task = _Task(signals, held_out, vehicle, effects, files, progress, off)
     return _answer(task, on_identifiability)

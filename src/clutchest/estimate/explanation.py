@@ -227,7 +227,9 @@ def _values_of(other: Signal, signal: Signal) -> Signal:
 
 
 def _possible(signal: Signal, vehicle: Vehicle) -> bool:
-    """Whether its readings are such as the machine has."""
+    """Whether its readings are such as the machine has, most of them within the bus's range."""
+    if np.mean(signal.valid) < KEPT:
+        return False
     column, size = vehicle.machine.column(signal.name), np.abs(signal.only_valid().value)
     if column is None or not len(size):
         return True
