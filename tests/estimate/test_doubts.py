@@ -57,3 +57,16 @@ def test_a_signal_that_is_mostly_beyond_its_range_is_swapped_with_none(rig_drive
     small = replace(rig_drive, signals={**rig_drive.signals, "clutch_torque": beyond})
     assert not any(r.kind == "swap" and "clutch_torque" in r.words for r in remedies(small, rig))
     assert any("clutch_torque and drive_torque" in r.words for r in remedies(rig_drive, rig))
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "seed"), [("pack_stiffness", 0.5, 21), ("current_gain", 0.2, 11)]
+)
+def test_an_error_of_the_model_is_not_taken_for_a_swap(effect, size, seed):
+    """Under a pack half as stiff again a drive torque would pass for the clutch's."""
+    drive = clutchest.simulate(
+        "alsd_rig", "rig-steps", seed, {effect: {"change": size}}, duration=30
+    )
+    run = replay(drive, "alsd_rig")
+    assert run.summary["contradiction"] is None
+    assert any("readings differ" in warning for warning in run.warnings)

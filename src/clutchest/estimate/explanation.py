@@ -22,7 +22,14 @@ from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.run import Contradiction, Track
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import track_of
-from clutchest.estimate.whole_log import CONSIDERING, compile_model, delays, run
+from clutchest.estimate.whole_log import (
+    CONSIDERING,
+    PLAIN,
+    FilterOptions,
+    compile_model,
+    delays,
+    run,
+)
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -139,7 +146,9 @@ def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> l
     the signals fit as they were read, as they may where the state of an earlier drive does not."""
     begin = _begin(signals)
     as_read = _fit(begin, vehicle, 1.0, "")
-    if as_read is None or as_read.right:
+    # a filter that takes the parameters for true lets friction and wear follow an error of them
+    following = _fit(begin, vehicle, 1.0, "", PLAIN)
+    if as_read is None or following is None or as_read.right or following.right:
         return []
     shortest = _shortest_misfit(begin, vehicle)
     tried = list(remedies(begin, vehicle))
@@ -247,14 +256,20 @@ def _times(signal: Signal, factor: float) -> dict[str, Signal]:
     return {signal.name: replace(signal, value=signal.value * factor)}
 
 
-def _fit(signals: Signals, vehicle: Vehicle, factor: float, signal: str) -> MendedFit | None:
+def _fit(
+    signals: Signals,
+    vehicle: Vehicle,
+    factor: float,
+    signal: str,
+    options: FilterOptions = CONSIDERING,
+) -> MendedFit | None:
     """How well these signals fit; None where they cannot be filtered."""
     try:
         compiled = compile_model(vehicle, vehicle.machine.equations(signals.available))
         timeline = build(
             evenly_late(signals, vehicle), vehicle, compiled.model, RATE, delays(vehicle)
         )
-        filtered = run(compiled, timeline, fresh(vehicle, compiled, timeline), CONSIDERING)
+        filtered = run(compiled, timeline, fresh(vehicle, compiled, timeline), options)
         track = track_of(vehicle, compiled, timeline, filtered)
     except (ClutchestError, FloatingPointError, np.linalg.LinAlgError):
         return None
