@@ -143,6 +143,16 @@ def test_a_log_that_holds_nothing_of_an_experiment_is_refused_once():
     assert str(refused.value).count("no run") == 1
 
 
+def test_runs_that_a_stated_noise_excludes_are_counted():
+    """A current noisier than the vehicle file says leaves no run, and who reads it should know."""
+    quiet = replace(RIG.signals["armature_current"], noise=0.01)
+    car = replace(RIG, signals={**RIG.signals, "armature_current": quiet})
+    fit = run("I5", log("I5"), car)
+    assert not fit.parameters["motor_inertia"].determined
+    assert any("stretches between steps of the current are left out" in n for n in fit.notes)
+    assert any("its noise of 0.01 A" in note and "identify noise" in note for note in fit.notes)
+
+
 def test_a_log_without_its_signal_is_refused():
     signals = log("I4", duration=10.0)
     without = {name: s for name, s in signals.items() if name != "motor_torque"}

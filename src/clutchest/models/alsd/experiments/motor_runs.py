@@ -91,7 +91,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     curves = [*_torque_speed(found), *(s.curve for s in slips[:1])]
     starting = sum(bool(np.mean(run.speed * run.acceleration) > 0) for run in found)
     words = f"{starting} starting and {len(found) - starting} other runs, {len(slips)} break-aways"
-    return EquationErrors(errors, own, (words,), tuple(curves))
+    return EquationErrors(errors, own, (words, *_left_out(record)), tuple(curves))
 
 
 def runs(record: BenchRecord) -> Iterator[FrictionRun]:
@@ -137,6 +137,18 @@ def _even(record: BenchRecord, start: float, end: float) -> bool:
         return False
     left = np.sum((value - np.polyval(np.polyfit(time, value, 2), time)) ** 2)
     return bool(left < chdtri(freedom, BY_CHANCE) * record.noise[SIGNALS[1]] ** 2)
+
+
+def _left_out(record: BenchRecord) -> Iterator[str]:
+    """In words, how many stretches are no runs since their current is not even."""
+    stretches = list(plateaus(record, SIGNALS[1:2], SETTLE, LEAST))
+    uneven = sum(not _even(record, start, end) for start, end in stretches)
+    if uneven:
+        yield (
+            f"{uneven} of {len(stretches)} stretches between steps of the current are left out: it "
+            f"changes by more than a parabola and its noise of {record.noise[SIGNALS[1]]:.3g} A "
+            "make; `identify noise` measures that"
+        )
 
 
 def _at_the_limit(record: BenchRecord, start: float, end: float) -> bool:
