@@ -4,6 +4,7 @@ known."""
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import casadi as ca
@@ -145,12 +146,18 @@ def test_a_log_that_holds_nothing_of_an_experiment_is_refused_once():
 
 def test_runs_that_a_stated_noise_excludes_are_counted():
     """A current noisier than the vehicle file says leaves no run, and who reads it should know."""
-    quiet = replace(RIG.signals["armature_current"], noise=0.01)
-    car = replace(RIG, signals={**RIG.signals, "armature_current": quiet})
-    fit = run("I5", log("I5"), car)
-    assert not fit.parameters["motor_inertia"].determined
-    assert any("stretches between steps of the current are left out" in n for n in fit.notes)
-    assert any("its noise of 0.01 A" in note and "identify noise" in note for note in fit.notes)
+
+    def stating(noise: float):
+        mapped = replace(RIG.signals["armature_current"], noise=noise)
+        return replace(RIG, signals={**RIG.signals, "armature_current": mapped})
+
+    said = r"\d+ of \d+ stretches between steps .* its noise of 0\.022 A make; `identify noise`"
+    fit = run("I5", log("I5"), stating(0.022))
+    assert any(re.search(said, note) for note in fit.notes)
+    with pytest.raises(
+        ClutchestError, match=r"no slow break-away; \d+ of \d+ stretches .* 0\.01 A"
+    ):
+        run("I5", log("I5"), stating(0.01))
 
 
 def test_a_log_without_its_signal_is_refused():

@@ -8,6 +8,8 @@ import numpy as np
 
 from clutchest.estimate.explanation import SUSPICIOUS, rms_of
 from clutchest.estimate.run import Track
+from clutchest.estimate.tracking import unmeasured_band
+from clutchest.models.declarations import OutputTracking
 from clutchest.models.model import Model
 from clutchest.models.symbols import Sensor
 from clutchest.shown import with_unit
@@ -16,9 +18,14 @@ from clutchest.signals import Signals
 LONG_S = 1.0  # s in a mode, in which a sensor that is read in it has readings
 
 
-def doubts(drive: Signals, track: Track, model: Model) -> Iterator[str]:
-    """In words: sensors that the model predicts worse than a right one does, and those of which
-    not one sample was used though the clutch was long in the mode in which they are read."""
+def doubts(
+    drive: Signals, track: Track, model: Model, tracking: OutputTracking | None
+) -> Iterator[str]:
+    """In words: an output that is a band without its sensor, sensors that the model predicts worse
+    than a right one does, and those of which not one sample was used though the clutch was long in
+    the mode in which they are read."""
+    if band := unmeasured_band(tracking, drive, track, tuple(model.unobservable)):
+        yield band
     if track.contradiction is not None:
         return
     off = {

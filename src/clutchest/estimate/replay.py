@@ -31,7 +31,7 @@ from clutchest.estimate.run import Run, Track
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
-from clutchest.estimate.tracking import responses, unmeasured_band
+from clutchest.estimate.tracking import responses
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.made_ahead import made_ahead
 from clutchest.patient_loading import at_work
@@ -88,10 +88,8 @@ def replay(
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
         followed = responses(drive, track, vehicle.machine.tracking, noise)
         tracks.append(replace(track, responses=followed, judder=_judder(drive, track, vehicle)))
-        uninformed = tuple(part.compiled.model.unobservable)
-        band = unmeasured_band(vehicle.machine.tracking, drive, track, uninformed)
-        doubtful = [*([band] if band else []), *doubts(drive, track, part.compiled.model)]
-        parts.append(replace(part, warnings=[*part.warnings, *doubtful]))
+        said = doubts(drive, track, part.compiled.model, vehicle.machine.tracking)
+        parts.append(replace(part, warnings=[*part.warnings, *said]))
     if not tracks:
         raise unusable[0][1]
     if unusable:

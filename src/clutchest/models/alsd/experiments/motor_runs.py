@@ -79,7 +79,8 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     """Torque errors of all runs, and of the pre-sliding curves of all break-aways."""
     found, slips = list(runs(record)), break_aways(record)
     if not found and not slips:
-        return "no run at constant current that lasts 0.08 s, and no slow break-away"
+        nothing = "no run at constant current that lasts 0.08 s, and no slow break-away"
+        return "; ".join((nothing, *_left_out(record)))
     own = np.concatenate([np.zeros((0, 2)), *(slip.own for slip in slips)])
     cuts = np.cumsum([len(slip.own) for slip in slips])[:-1]
 
