@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from clutchest.discovery.sentences import doubtful
+from clutchest.discovery.sentences import beyond, doubtful
+from clutchest.machine import Sensor
 
 
 @pytest.mark.parametrize(("p", "said"), [(5e-5, True), (2e-4, False)])
@@ -16,3 +17,12 @@ def test_an_error_that_a_second_drive_would_decide_is_said(p: float, said: bool)
     assert len(warnings) == said
     assert all("'torque' has p = 5e-05" in warning for warning in warnings)
     assert doubtful([]) == ()
+
+
+def test_residuals_that_no_error_of_the_equations_makes_are_named() -> None:
+    """Beyond the last of the multiples of a sensor's tolerance by which `replay` judges."""
+    sensors = [Sensor("speed", "rad/s", "ω", "shaft"), Sensor("oil", "°C", "T", "oil", tolerance=4)]
+    assert beyond({"speed": 249.0, "oil": 99.0}, sensors) == []
+    assert beyond({}, sensors) == []
+    (words,) = beyond({"speed": 5853.6, "oil": 101.0}, sensors)
+    assert words.startswith("the residuals of speed are 5854 times and oil are 101 times the noise")

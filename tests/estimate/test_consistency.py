@@ -11,9 +11,10 @@ import pytest
 from rich.console import Console
 
 import clutchest
+from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency
-from clutchest.estimate.explanation import remedies
+from clutchest.estimate.explanation import OF_UNIT, remedies
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Estimate, Innovations
@@ -332,6 +333,31 @@ def test_a_swap_that_makes_no_machine_is_not_tried(demo):
     tried = {r.words for r in remedies(demo, truck) if r.kind == "swap"}
     assert "engine_speed and input_shaft_speed are swapped" in tried
     assert not any("engine_torque" in words and "temp" in words for words in tried)
+
+
+def test_a_temperature_has_no_sign_and_no_factor(demo):
+    truck = clutchest.load_vehicle("truck")
+    tried = [r for r in remedies(demo, truck) if r.kind != "swap"]
+    assert {r.signal for r in tried} >= {"engine_speed", "engine_torque", "slave_position"}
+    assert not {r.signal for r in tried} & {"coolant_temp", "ambient_temp"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "others"),
+    [
+        ("rad", {"deg"}),
+        ("rad/s", {"rpm", "deg/s"}),
+        ("m/s", {"km/h"}),
+        ("bar", {"Pa", "MPa"}),
+        ("MPa", {"Pa", "bar"}),
+        ("Pa", {"MPa", "bar"}),
+    ],
+)
+def test_factors_are_those_of_other_units(unit, others):
+    """Beside 1000 and 100, which are those of kilopascals, millimetres and the like."""
+    apart = {max(units.convert(1.0, unit, to), units.convert(1.0, to, unit)) for to in others}
+    assert sorted(OF_UNIT[unit]) == pytest.approx(sorted(apart))
+    assert set(OF_UNIT) == {"rad", "rad/s", "m/s", "bar", "MPa", "Pa"}
 
 
 BENCHES = {

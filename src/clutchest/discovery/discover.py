@@ -39,6 +39,7 @@ from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
 from clutchest.discovery.sentences import (
+    beyond,
     doubtful,
     implausible,
     not_confirmed,
@@ -202,7 +203,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
     outcome, where = task.with_disagreement(outcome, distorted(left) if doubted else where)
     excited = any(each.excited for each in identifiable)
-    above = loud(after, search.objective) if outcome.name == "none" else {}
+    above = loud(after, search.objective)
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
@@ -225,6 +226,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
             *_untested(task, search, verdict.best),
             *map(not_confirmed, verdict.dropped),
             *outcome.warnings,
+            *beyond(above, task.vehicle.machine.sensors),
             *(words for c in causes for words in implausible(c, task.effects)),
             *refused,
             *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),

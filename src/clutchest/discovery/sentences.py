@@ -14,7 +14,9 @@ from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, FormCurve, either
 from clutchest.discovery.verdict import UNNAMED, significant
 from clutchest.discovery.where import Where, place_and_driver, place_words, places_words
+from clutchest.estimate.consistency import SHARES
 from clutchest.models.effects import Effect
+from clutchest.models.symbols import Sensor
 from clutchest.quantity import Quantity
 from clutchest.shown import plus_minus
 
@@ -113,6 +115,20 @@ def not_confirmed(what: str) -> str:
     return (
         f"{what}: significant in the log, but not confirmed on held-out drives; attributed to noise"
     )
+
+
+def beyond(loud: Mapping[str, float], sensors: Sequence[Sensor]) -> list[str]:
+    """A warning where residuals, so many times the stated noise, are larger than plausible errors
+    of the equations make them; ``loud`` as :func:`sentence` has it."""
+    most = {s.name: max(SHARES) * s.tolerance for s in sensors}
+    far = [f"{n} are {times:.0f} times" for n, times in loud.items() if times > most[n]]
+    if not far:
+        return []
+    return [
+        f"the residuals of {' and '.join(far)} the noise that the vehicle file states, more than "
+        "errors of the equations make them: a sign, a unit, signals that are swapped? `clutchest "
+        "replay` tries each"
+    ]
 
 
 def doubtful(errors: Sequence[Curve]) -> tuple[str, ...]:

@@ -43,6 +43,9 @@ OF_UNIT = {
     "rad": {180.0 / pi: "180/π", 2.0 * pi: "2π"},
     "rad/s": {60.0 / (2.0 * pi): "60/(2π)", 180.0 / pi: "180/π", 2.0 * pi: "2π"},
     "m/s": {3.6: "3.6"},
+    "bar": {10.0: "10", 1e5: "10⁵"},
+    "MPa": {10.0: "10", 1e6: "10⁶"},
+    "Pa": {1e5: "10⁵", 1e6: "10⁶"},
 }
 CLIPPED = 5.0  # standard deviations; a larger innovation counts as these
 FITS = (
@@ -326,7 +329,7 @@ def _may_be_wrong(dead: Signal, read: bool) -> bool:
 
 def _is_temperature(signal: Signal) -> bool:
     """Which may stay the same for long, and has no sign and no factor."""
-    return units.parse(signal.unit).offset != 0.0
+    return units.compatible(signal.unit, "°C")
 
 
 def _constant(value: Floats) -> bool:
