@@ -10,6 +10,7 @@ import pytest
 
 import clutchest
 from clutchest.reading import read_log
+from clutchest.reading.table_inspection import inspect_tables
 from clutchest.simulated import simulate_sampled, write_simulation
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -89,3 +90,32 @@ def test_an_input_that_is_held_though_it_moves_is_named(rig, tmp_path, swing, ga
     assert all(
         "its gap of 60 s is longer than [modes] gap (0.5 s): it acts 0.5 s" in w for w in words
     )
+
+
+@pytest.mark.parametrize("doubled", [False, True])
+def test_a_column_is_drafted_by_its_unit_where_it_is_the_only_one(rig, tmp_path, doubled):
+    """Names on a logger are the user's own; of two temperatures the draft names both."""
+    write_simulation(tmp_path / "drive.csv", rig, "mixed", 1, duration=5.0)
+    table = pd.read_csv(tmp_path / "drive.csv").rename(
+        columns={"U": "U_KL [V]", "I": "I_Mot [A]", "n": "nMot [1/min]", "air": "T_Luft [°C]"}
+    )
+    if doubled:
+        table["T_Raum [°C]"] = table["T_Luft [°C]"]
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    found = inspect_tables([tmp_path / "drive.csv"], str(tmp_path / "servo.py"))
+    drafted = {name: columns[0].column for name, columns in found.candidates.items()}
+    assert drafted.pop("ambient_temp", None) == (None if doubled else "T_Luft [°C]")
+    assert drafted == {"voltage": "U_KL [V]", "current": "I_Mot [A]", "speed": "nMot [1/min]"}
+    assert not [w for w in found.missing if w.startswith("columns.")]
+
+
+def test_columns_in_a_fitting_unit_are_named_where_they_are_several(rig, tmp_path):
+    write_simulation(tmp_path / "drive.csv", rig, "mixed", 1, duration=5.0)
+    table = pd.read_csv(tmp_path / "drive.csv").rename(columns={"U": "U_a [V]", "I": "I [A]"})
+    table["U_b [V]"] = table["U_a [V]"]
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    found = inspect_tables([tmp_path / "drive.csv"], str(tmp_path / "servo.py"))
+    words = (
+        "columns.voltage (V): no column has a matching name and unit; in such a unit: U_a [V], U_b"
+    )
+    assert any(missing.startswith(words) for missing in found.missing)

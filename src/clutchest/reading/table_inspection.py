@@ -77,11 +77,22 @@ class TableInspection:
         """What the drafted vehicle file lacks, in words."""
         words = [
             f"columns.{column.name} ({column.unit}): no column has a matching name and unit"
+            + self._in_unit(column.unit)
             for column in self.machine.lacking(self.candidates)
         ]
         if not self.machine.template:
             words += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
         return tuple(words)
+
+    def _in_unit(self, unit: str) -> str:
+        """Which columns that are not taken have a unit that fits, in words."""
+        taken = {each.column for found in self.candidates.values() for each in found}
+        fitting = [
+            c.column
+            for c in self.columns
+            if c.column not in taken and c.unit and _fits(c.unit, unit)
+        ]
+        return f"; in such a unit: {', '.join(fitting)}" if fitting else ""
 
     def as_dict(self) -> dict[str, Any]:
         """What ``inspect.json`` holds."""
@@ -269,7 +280,26 @@ def _search(
         if fitting:
             fitting.sort(key=lambda item: item[:3], reverse=True)
             found[column.name] = tuple(each for *_, each in fitting)
-    return found
+    return found if machine.template else found | _only_ones(columns, machine, found)
+
+
+def _only_ones(
+    columns: Sequence[ColumnStatistics],
+    machine: Machine,
+    found: Mapping[str, tuple[ColumnStatistics, ...]],
+) -> dict[str, tuple[ColumnStatistics, ...]]:
+    """Canonical name → the column, where of what is not ``found`` by name both are the only ones in
+    such a unit: a machine of the user's own says nothing of names on a bus."""
+    taken = {each.column for candidates in found.values() for each in candidates}
+    left = [c for c in columns if c.column not in taken and c.unit]
+    wanted = [signal for signal in machine.columns if signal.name not in found]
+    only = {}
+    for signal in wanted:
+        fitting = [c for c in left if _fits(c.unit, signal.unit)]
+        rivals = [each for each in wanted if _fits(each.unit, signal.unit)]
+        if len(fitting) == len(rivals) == 1:
+            only[signal.name] = (fitting[0],)
+    return only
 
 
 def _with_units(
