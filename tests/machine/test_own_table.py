@@ -119,3 +119,12 @@ def test_columns_in_a_fitting_unit_are_named_where_they_are_several(rig, tmp_pat
         "columns.voltage (V): no column has a matching name and unit; in such a unit: U_a [V], U_b"
     )
     assert any(missing.startswith(words) for missing in found.missing)
+
+
+@pytest.mark.parametrize(("longest", "warned"), [(0.001, False), (0.008, True)])
+def test_steps_that_are_too_long_are_named(rig, tmp_path, longest, warned):
+    """What their integration is off by would pass for an error of the equations."""
+    write_simulation(tmp_path / "drive.csv", rig, "mixed", 1, duration=20.0)
+    car = edited(rig, "servo.py", "longest=(0.001, 0.001)", f"longest=({longest}, {longest})")
+    found = clutchest.discover(read_log(tmp_path / "drive.csv", car), car)
+    assert any("steps (Model.longest) are too long" in w for w in found.warnings) == warned

@@ -48,6 +48,7 @@ from clutchest.discovery.sentences import (
 )
 from clutchest.discovery.size_bias import with_biases
 from clutchest.discovery.speed_agreement import Disagreement, disagreement
+from clutchest.discovery.step_length import too_long
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import (
@@ -227,6 +228,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
             *map(not_confirmed, verdict.dropped),
             *outcome.warnings,
             *beyond(above, task.vehicle.machine.sensors),
+            *([] if task.vehicle.machine.template else too_long(problem, after)),
             *(words for c in causes for words in implausible(c, task.effects)),
             *refused,
             *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),

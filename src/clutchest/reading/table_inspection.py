@@ -293,7 +293,7 @@ def _only_ones(
     taken = {each.column for candidates in found.values() for each in candidates}
     left = [c for c in columns if c.column not in taken and c.unit]
     wanted = [signal for signal in machine.columns if signal.name not in found]
-    only = {}
+    only: dict[str, tuple[ColumnStatistics, ...]] = {}
     for signal in wanted:
         fitting = [c for c in left if _fits(c.unit, signal.unit)]
         rivals = [each for each in wanted if _fits(each.unit, signal.unit)]
