@@ -345,8 +345,8 @@ def test_a_temperature_has_no_sign_and_no_factor(demo):
 @pytest.mark.parametrize(
     ("unit", "others"),
     [
-        ("rad", {"deg"}),
-        ("rad/s", {"rpm", "deg/s"}),
+        ("rad", {"deg", "rev"}),
+        ("rad/s", {"rpm", "deg/s", "rev/s"}),
         ("m/s", {"km/h"}),
         ("bar", {"Pa", "MPa"}),
         ("MPa", {"Pa", "bar"}),

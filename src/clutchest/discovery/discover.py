@@ -39,9 +39,9 @@ from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
 from clutchest.discovery.sentences import (
-    beyond,
     doubtful,
     implausible,
+    implausible_residuals,
     not_confirmed,
     sentence,
     still_distorted,
@@ -204,7 +204,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
     outcome, where = task.with_disagreement(outcome, distorted(left) if doubted else where)
     excited = any(each.excited for each in identifiable)
-    above = loud(after, search.objective)
+    above = loud(after, search.objective) if outcome.name == "none" else {}
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
@@ -223,19 +223,33 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         extended=extended,
         curve=curve,
         counts=sum((drive.counts for drive in task.signals.drives), Counts()),
-        warnings=(
-            *_untested(task, search, verdict.best),
-            *map(not_confirmed, verdict.dropped),
-            *outcome.warnings,
-            *beyond(above, task.vehicle.machine.sensors),
-            *([] if task.vehicle.machine.template else too_long(problem, after)),
-            *(words for c in causes for words in implausible(c, task.effects)),
-            *refused,
-            *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),
-        ),
+        warnings=_warnings(task, verdict, outcome, causes, refused, after, fit_extended),
         provenance=_provenance(task, problem),
         hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
         strongest=strongest_of(outcome.errors, peaks) if where is None or where.distorted else None,
+    )
+
+
+def _warnings(
+    task: _Task,
+    verdict: SearchVerdict,
+    outcome: Outcome,
+    causes: Sequence[Cause],
+    refused: Sequence[str],
+    after: Linearisation,
+    fit_extended: GoodnessOfFit | None,
+) -> tuple[str, ...]:
+    """What is to be said beside the answer; ``after``: the fit with the causes that are named."""
+    search, machine = verdict.search, task.vehicle.machine
+    return (
+        *_untested(task, search, verdict.best),
+        *map(not_confirmed, verdict.dropped),
+        *outcome.warnings,
+        *implausible_residuals(loud(after, search.objective), machine.sensors),
+        *([] if machine.template else too_long(search.problem, after)),
+        *(words for c in causes for words in implausible(c, task.effects)),
+        *refused,
+        *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),
     )
 
 

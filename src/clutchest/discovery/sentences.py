@@ -117,7 +117,7 @@ def not_confirmed(what: str) -> str:
     )
 
 
-def beyond(loud: Mapping[str, float], sensors: Sequence[Sensor]) -> list[str]:
+def implausible_residuals(loud: Mapping[str, float], sensors: Sequence[Sensor]) -> list[str]:
     """A warning where residuals, so many times the stated noise, are larger than plausible errors
     of the equations make them; ``loud`` as :func:`sentence` has it."""
     most = {s.name: max(SHARES) * s.tolerance for s in sensors}
