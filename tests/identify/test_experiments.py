@@ -160,6 +160,25 @@ def test_runs_that_a_stated_noise_excludes_are_counted():
         run("I5", log("I5"), stating(0.01))
 
 
+def test_numbers_far_from_what_is_stated_are_named():
+    """An angle in revolutions is an even motor with six times the voltage constant, to a vehicle
+    whose spreads are a third; a wrong sign is none at all."""
+    wide = replace(RIG.parameters["back_emf_constant"], spread=0.3 * 0.04)
+    car = replace(RIG, parameters={**RIG.parameters, "back_emf_constant": wide})
+    alone = log("I3", duration=18.0)
+
+    def by(factor: float) -> Fit:
+        angle = alone["motor_angle"]
+        turned = replace(angle, value=factor * angle.value)
+        return run("I3", replace(alone, signals={**alone.signals, "motor_angle": turned}), car)
+
+    assert not any("back_emf_constant =" in warning for warning in by(1.0).warnings)
+    (far,) = (w for w in by(0.5 / np.pi).warnings if "back_emf_constant =" in w)
+    assert "18 standard deviations from the vehicle file's 0.04 ± 0.012 V s" in far
+    assert "a wrong unit" in far
+    assert any("look for a wrong sign" in warning for warning in by(-1.0).warnings)
+
+
 def test_a_log_without_its_signal_is_refused():
     signals = log("I4", duration=10.0)
     without = {name: s for name, s in signals.items() if name != "motor_torque"}

@@ -12,8 +12,10 @@ from clutchest.callable_room import call_by
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
+from clutchest.shown import with_unit
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from clutchest.identify.bench_records import Stated
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 call_by(__name__, __name__, "identify_vehicle")
 
+SURPRISING = 4.0  # standard deviations of what is stated, from which on a number is named
 NOISE = "noise"
 ALL = "all"
 OF_EVERY_MACHINE = {
@@ -69,7 +72,23 @@ def identify_vehicle(
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
     fit = _identified(name, signals, vehicle, progress, holdout, benches, refit)
-    return replace(fit, begun=signals.begun, before=vehicle)
+    warnings = (*fit.warnings, *_surprising(fit, vehicle))
+    return replace(fit, begun=signals.begun, before=vehicle, warnings=warnings)
+
+
+def _surprising(fit: Fit, vehicle: Vehicle) -> Iterator[str]:
+    """Of numbers far from what the vehicle file expects, in words."""
+    for key, fitted in fit.parameters.items():
+        before = vehicle.parameters.get(key)
+        if before is None or not fitted.determined or not fitted.prior_std:
+            continue
+        apart = abs(fitted.value - before.value) / fitted.prior_std
+        if apart > SURPRISING:
+            was = with_unit(f"{before.value:.3g} ± {fitted.prior_std:.2g}", fitted.unit)
+            yield (
+                f"{key} = {fitted.value:.4g} lies {apart:.0f} standard deviations from the vehicle "
+                f"file's {was}: another specimen, or a wrong unit, sign or bench"
+            )
 
 
 def _identified(

@@ -27,6 +27,7 @@ from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle
 
 MISFIT = 1.5  # of the noise: larger equation errors are reported
+LOOK_FOR = "; look for a wrong sign or unit, or a stated noise that is far too small"
 MISPLACED = 10.0  # of the noise: larger ones are refused if the data look like another bench's
 
 
@@ -201,7 +202,7 @@ def _changed(
 def _misfits(reduced: Reduced, posterior: BenchPosterior) -> list[str]:
     return [
         f"{experiment.name}: the equations miss by {scale:.1f} times the noise; standard "
-        "deviations are as many times larger"
+        "deviations are as many times larger" + LOOK_FOR * (scale > MISPLACED)
         for (experiment, _), scale in zip(reduced.parts, posterior.scale, strict=True)
         if scale > MISFIT
     ]
