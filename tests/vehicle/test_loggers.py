@@ -81,3 +81,30 @@ def test_samples_at_the_same_time_are_named(truck, tmp_path, clock, warned):
     warnings = read_log(logged(tmp_path, clock), truck).warnings
     words = "a.csv: samples of engine_speed have the time of the sample before"
     assert any(w.startswith(words) for w in warnings) == warned
+
+
+PREAMBLES = {
+    "key and value": "Messung;12\nDatum;11.03.2024\n\n",
+    "in another separator": "Ort: Halle 3, links, hinten\nBediener: X;Y\n",
+    "words": "Messung 12\n",
+}
+
+
+@pytest.mark.parametrize("end", ["", ";"])
+@pytest.mark.parametrize("what", PREAMBLES)
+def test_words_before_the_header_may_hold_separators(truck, tmp_path, what, end):
+    """The header has as many as the rows have, which may end with one more."""
+    rows = [f"{0.01 * k:.2f};{90 + 0.1 * k:.1f};80,0;x{end}".replace(".", ",") for k in range(200)]
+    header = "Zeit;engine_speed;coolant_temp;Text"
+    path = written(tmp_path, PREAMBLES[what] + "\n".join([header, *rows]))
+    signals = read_log(path, truck)
+    assert len(signals["engine_speed"]) == len(signals["coolant_temp"]) == 200
+    np.testing.assert_allclose(signals["engine_speed"].value[[0, -1]], [90.0, 109.9])
+
+
+def test_a_row_of_numbers_is_no_header(truck, tmp_path):
+    """Of rows with more cells than the header names, the first row is still not one."""
+    rows = [f"{0.01 * k:.2f};{90 + 0.1 * k:.1f};1;2;3" for k in range(200)]
+    path = written(tmp_path, "\n".join(["time;engine_speed", *rows]))
+    with pytest.raises(ClutchestError):
+        read_log(path, truck)

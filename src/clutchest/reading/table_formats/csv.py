@@ -6,6 +6,7 @@ Written without units, for which there is no place.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _SEPARATORS = ",;\t|"
 _PREAMBLE = 40  # lines at most before the header
+_NUMBER = re.compile(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?")
 
 
 def write(table: pd.DataFrame, path: Path) -> None:
@@ -32,7 +34,7 @@ def write(table: pd.DataFrame, path: Path) -> None:
 
 def read(path: Path) -> Frame:
     """The table in a text of whatever encoding, with points or commas in its numbers; behind lines
-    of a comment, Excel's ``sep=;`` or words without a separator."""
+    of a comment, Excel's ``sep=;`` or words, of which none has as many separators as the rows."""
     lines = _head(path).splitlines()
     separator, before = _layout(lines)
     options: dict[str, Any] = {
@@ -42,6 +44,9 @@ def read(path: Path) -> Frame:
         "low_memory": False,
         "decimal": "," if separator == ";" and not _points(lines[before:]) else ".",
     }
+    rows = [line for line in lines[before + 1 :] if line.strip()]
+    if rows and rows[0].endswith(separator) and not lines[before].endswith(separator):
+        options["index_col"] = False  # else the first column is taken for names of rows
     try:
         table = of_cells(str(path), read_csv(path, {"encoding": "utf-8-sig", **options}))
     except UnicodeDecodeError:
@@ -51,10 +56,28 @@ def read(path: Path) -> Frame:
 
 
 def _layout(lines: Sequence[str]) -> tuple[str, int]:
-    """The separator, and how many lines stand before the header."""
+    """The separator, and how many lines stand before the header: the first with as many separators
+    as most rows behind it have, and more words than numbers; else the first with any."""
+    first = None
     for before, line in enumerate(lines[:_PREAMBLE]):
-        if not _is_comment(line) and any(separator in line for separator in _SEPARATORS):
-            return max(_SEPARATORS, key=line.count), before
+        if _is_comment(line) or not any(separator in line for separator in _SEPARATORS):
+            continue
+        first = first or (max(_SEPARATORS, key=line.count), before)
+        separator, count = _usual(lines[before + 1 :])
+        cells = line.split(separator)
+        numbers = sum(bool(_NUMBER.fullmatch(cell.strip())) for cell in cells)
+        if count and abs(len(cells) - 1 - count) <= 1 and 2 * numbers < len(cells):
+            return separator, before  # a row may end with one more
+    return first or (",", 0)
+
+
+def _usual(rows: Sequence[str]) -> tuple[str, int]:
+    """What separates the cells of most rows, and how many there are of it; a comma may be in
+    numbers."""
+    for separator in sorted(_SEPARATORS, key=",".__eq__):
+        counts = Counter(row.count(separator) for row in rows if row.strip())
+        if counts and (count := counts.most_common(1)[0][0]):
+            return separator, count
     return ",", 0
 
 
