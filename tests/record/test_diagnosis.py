@@ -120,6 +120,21 @@ def test_the_terminal_names_the_set_and_explains(diagnosis):
     assert "separability" in text and "never" in text
 
 
+def test_what_could_not_run_for_one_reason_is_one_row(diagnosis):
+    """Tests of frames, of a table that has none."""
+    reason, other = "no frames: these are decoded signals", "a healthy one may be constant"
+    frames = [f"{kind}:Message_{k}" for kind in ("frozen", "late") for k in range(5)]
+    monitors = [
+        replace(diagnosis.monitors[0], name=name, status="not run", why=why)
+        for name, why in [*((n, reason) for n in frames), ("silent:bus", reason), ("s:a", other)]
+    ]
+    console = Console(record=True, width=120, file=StringIO())
+    print_diagnosis(replace(diagnosis, faults=(), monitors=tuple(monitors)), console)
+    text = console.export_text()
+    assert text.count(reason) == 1 and "frozen (5), late (5), silent:bus" in text
+    assert "s:a" in text and other in text and "12 could not run" in text
+
+
 def test_tables_of_eight_faults_are_whole_in_80_columns(diagnosis):
     names = tuple(f"fault_of_the_signal_{k}" for k in range(8))
     isolability = Isolability(

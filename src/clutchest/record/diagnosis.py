@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich import box
@@ -10,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from clutchest.diagnosis.codes import WEAR
-from clutchest.diagnosis.result import Diagnosis, Isolability
+from clutchest.diagnosis.result import Diagnosis, Isolability, MonitorStatus
 from clutchest.extras import installed
 from clutchest.paths import readable
 from clutchest.record.arrow import without_pandas
@@ -26,6 +27,7 @@ from clutchest.record.html_reports import diagnosis_page
 from clutchest.record.terminal import print_warnings
 from clutchest.shown import with_unit
 
+NAMED = 2  # monitors of one kind and reason in the terminal; more are counted
 STYLES = {"failed": "bold red", "passed": "green", "not run": "dim"}
 
 
@@ -60,17 +62,30 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
     shown = [m for m in diagnosis.monitors if explain or m.status != "passed"]
     if shown:
         table = Table("monitor", "status", "why", title_justify="left")
-        for monitor in sorted(shown, key=lambda m: list(STYLES).index(m.status)):
-            table.add_row(
-                escape(monitor.name),
-                monitor.status,
-                escape(monitor.why),
-                style=STYLES[monitor.status],
-            )
+        for name, status, why in _together(shown):
+            table.add_row(escape(name), status, escape(why), style=STYLES[status])
         console.print(table)
     if explain and diagnosis.isolability:
         print_isolability(diagnosis.isolability, console)
     print_warnings(diagnosis.warnings, "diagnosis.json", console)
+
+
+def _together(monitors: Sequence[MonitorStatus]) -> Iterator[tuple[str, str, str]]:
+    """Names, status and reason, the worst first; those that could not run for one and the same
+    reason in one row, many of one kind counted, as ``frozen (5)``."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for monitor in sorted(monitors, key=lambda m: list(STYLES).index(m.status)):
+        own = "" if monitor.status == "not run" else monitor.name
+        alike.setdefault((monitor.status, monitor.why, own), []).append(monitor.name)
+    for (status, why, _), names in alike.items():
+        kinds: dict[str, list[str]] = {}
+        for name in names:
+            kinds.setdefault(name.partition(":")[0], []).append(name)
+        words = (
+            f"{kind} ({len(of)})" if len(of) > NAMED else ", ".join(of)
+            for kind, of in kinds.items()
+        )
+        yield ", ".join(words), status, why
 
 
 def print_isolability(isolability: Isolability, console: Console) -> None:
