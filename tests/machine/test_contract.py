@@ -28,6 +28,12 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         "equations use 'viscosity' in line 25, which is neither declared nor assigned before; "
         "did you mean 'viscous'",
     ),
+    "quantity that is assigned otherwise": (
+        "(q.motor_torque - q.friction)",
+        "(q.moter_torque - q.friction)",
+        "use 'moter_torque' in line 27, which is neither declared nor assigned before; did you "
+        "mean 'motor_torque'",
+    ),
     "reading that is missing": (
         "q.current_reading = q.current",
         "pass",

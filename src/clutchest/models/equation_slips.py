@@ -3,7 +3,7 @@ of no state, a reading in the unit of another quantity; each with the line where
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from traceback import extract_tb
@@ -11,7 +11,7 @@ from typing import Any
 
 from clutchest import units
 from clutchest.casadi_later import ca
-from clutchest.errors import nearest
+from clutchest.errors import alike, nearest
 from clutchest.models.model import Expressions, Model, Quantities
 
 OWN = Path(__file__).parents[1]
@@ -23,7 +23,7 @@ def not_written(machine: Any, error: Exception) -> str:
     and in which line of the user's file."""
     line = _line(error)
     if isinstance(error, AttributeError) and isinstance(error.obj, Quantities):
-        return _lacking(machine, str(error.name or ""), line)
+        return _lacking(machine, str(error.name or ""), line, error.obj.names())
     words = " ".join(str(error).strip().splitlines()[-1:])
     if "truth value" in words:
         words = f"an expression has no truth value; {IF}"
@@ -39,13 +39,12 @@ def _line(error: Exception) -> str:
     return ""
 
 
-def _lacking(machine: Any, wanted: str, line: str) -> str:
-    """What the equations ask for that is not there."""
+def _lacking(machine: Any, wanted: str, line: str, there: Sequence[str]) -> str:
+    """What the equations ask for that is not ``there``."""
     for sensor in machine.sensors:
         if wanted == f"{sensor.name}_reading":
             return f"assign no '{wanted}', what the sensor '{sensor.name}' reads"
-    declared = [*(p.key for p in machine.parameters), *(i.name for i in machine.inputs)]
-    hint = nearest(wanted, [*declared, *(s.name for s in machine.states)])
+    hint = alike(wanted, there) or nearest(wanted, [p.key for p in machine.parameters])
     return f"use '{wanted}'{line}, which is neither declared nor assigned before{hint}"
 
 
