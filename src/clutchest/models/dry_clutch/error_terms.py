@@ -47,6 +47,8 @@ _HEATS = (  # flows between what is warm, stirred by what turns, through what to
     "slave_position",
     *_WARMTH,
 )
+# What an engine burns warms what is bolted to it, and what its exhaust passes.
+_WARMED_BY_THE_ENGINE = (*_HEATS, "engine_torque")
 # The rate of the slip is none of these: it is the reading's own noise that it would go with.  Nor
 # is the torque's report: what is off by it, is off in the report.
 _ENGINES_BALANCE = (
@@ -102,7 +104,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "body_heat": ErrorTerm(
         "body_heat",
         {"body_heat": lambda value, g: value + 500.0 * g},
-        covariates=_HEATS,
+        covariates=_WARMED_BY_THE_ENGINE,
         slow=True,
         size=500.0,
         unit="W",
@@ -110,7 +112,7 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "housing_heat": ErrorTerm(
         "housing_heat",
         {"housing_heat": lambda value, g: value + 200.0 * g},
-        covariates=_HEATS,
+        covariates=_WARMED_BY_THE_ENGINE,
         slow=True,
         size=200.0,
         unit="W",
