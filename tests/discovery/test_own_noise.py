@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from clutchest.discovery import own_noise
 from clutchest.discovery.search import free_of
 from clutchest.discovery.segmentation import segmented
-from clutchest.inference.map_fit import TURNS
+from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.map_fit import TURNS, settle
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.models.error_term_effects import error_term_effects
 from clutchest.reading import read_log
+from clutchest.simulated import simulate
+from clutchest.vehicle import load_vehicle
 from foreign_machines import module, vehicle
 
 
@@ -35,3 +42,31 @@ def test_numbers_and_noise_make_each_other_likelier(begin):
     again = own_noise._likelier(objective.in_noise_of(fit), (), fit.theta, TURNS)
     assert again[0] > cost - 2.0 * own_noise.SLIGHT, "nothing is left to gain"
     np.testing.assert_array_equal(np.delete(fit.theta, free), np.delete(theta, free))
+
+
+@pytest.mark.slow
+def test_what_the_file_allows_for_is_no_loud_noise():
+    """A torque curve that is a percent off heats the clutch: in white noise of the position, zero
+    positions of a long drive are many times that off."""
+    truck = load_vehicle("truck")
+    white = replace(
+        truck, signals={name: replace(s, noise_ar=0.0) for name, s in truck.signals.items()}
+    )
+    drive = simulate(
+        white,
+        "pulses",
+        206,
+        truck_seed=206,
+        duration=1000.0,
+        disturbances={"friction_std": 0.02, "torque_bias_std": 5.0},
+    )
+    effects = (*white.machine.effects.values(), *error_term_effects(white.machine))
+    given = segmented(drive, white), white, effects, None
+    problem = with_fitted_gains(Problem.of(*given, discrepant=True, input_noise=False))
+    objective, fit = settle(Objective.of(problem), problem.begin)
+    (drive,) = objective.linearise_at(fit.theta, active=NO_DERIVATIVES).raw
+    (readings,) = (each.readings for each in problem.drives)
+    names = [sensor.name for sensor in problem.compiled.model.sensors]
+    zero = drive.r[readings.sensor == names.index("zero_position")]
+    assert np.sqrt(np.mean(zero**2)) > own_noise.LOUD
+    assert not own_noise.loud(fit, objective)

@@ -133,11 +133,12 @@ def _sizes(cause: CandidateCause, z: float) -> tuple[float, ...]:
 
 
 def loud(fit: Linearisation, objective: Objective) -> dict[str, float]:
-    """Sensor → its rms innovation at a fit, of its stated noise, where that is ``LOUD`` or more."""
+    """Sensor → its rms innovation at a fit, of its stated noise, where that is ``LOUD`` or more
+    without what noise of the inputs and discrepancies most probably did: both are stated, too."""
     at = objective.linearise_at(fit.theta, fit.shapes, np.zeros(0, np.int64))
     drives = objective.problem.drives
     sensor = np.concatenate([drive.readings.sensor for drive in drives])
-    r = np.concatenate([innovations.r for innovations in at.raw])
+    r = np.concatenate([innovations.r for innovations in objective.less_scatter(at)])
     names = [each.name for each in objective.problem.compiled.model.sensors]
     times = {names[i]: float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)}
     return {name: each for name, each in times.items() if each >= LOUD}
