@@ -261,6 +261,21 @@ def rig_drive():
     return clutchest.simulate(clutchest.load_vehicle("alsd_rig"), "rig-steps", 1, duration=15.0)
 
 
+@pytest.mark.parametrize("mistake", ["sign", "swap"])
+def test_a_sign_and_a_swap_that_fit_as_well_are_both_named(mistake):
+    """Swapped speeds make other readings those of the engine, so likelihoods do not decide."""
+    drive = clutchest.simulate("truck", "launches", 11, truck_seed=1, duration=180.0)
+    if mistake == "sign":
+        wrong = mended(drive, engine_torque=lambda torque: -torque)
+    else:
+        a, b = drive["engine_speed"], drive["input_shaft_speed"]
+        new = {a.name: replace(b, name=a.name), b.name: replace(a, name=b.name)}
+        wrong = replace(drive, signals={**drive.signals, **new})
+    explanation = replay(wrong, "truck").summary["contradiction"]["explanation"]
+    assert "the sign of engine_torque is wrong" in explanation
+    assert "engine_speed and input_shaft_speed are swapped" in explanation
+
+
 def test_a_rig_whose_signals_are_all_zero_is_not_believed(rig_drive):
     run = replay(mended(rig_drive, **dict.fromkeys(rig_drive.signals, np.zeros_like)), "alsd_rig")
     assert "all signals are zero" in run.summary["contradiction"]["words"]

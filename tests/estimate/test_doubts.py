@@ -9,7 +9,9 @@ import pytest
 
 import clutchest
 from clutchest.estimate.explanation import remedies
+from clutchest.estimate.other_ratio import at_another_ratio
 from clutchest.estimate.replay import replay
+from clutchest.reading.drafting import guessed_parameters
 from clutchest.signals import Signal, Why
 
 
@@ -29,7 +31,8 @@ def scaled(drive, name, factor):
 def test_a_right_model_is_not_doubted(log, vehicle):
     car = clutchest.load_vehicle(vehicle)
     warnings = replay(clutchest.read_log(log, car), car).warnings
-    assert not any("readings differ" in w or "samples is used" in w for w in warnings)
+    said = ("readings differ", "samples is used", "starts it")
+    assert not any(words in w for w in warnings for words in said)
 
 
 def test_a_torque_that_is_too_small_to_be_used_is_said(rig_drive):
@@ -70,3 +73,61 @@ def test_an_error_of_the_model_is_not_taken_for_a_swap(effect, size, seed):
     run = replay(drive, "alsd_rig")
     assert run.summary["contradiction"] is None
     assert any("readings differ" in warning for warning in run.warnings)
+
+
+def launch(**changed):
+    """A minute with a launch, some of its signals changed."""
+    drive = clutchest.simulate("truck", "launches", 11, duration=60.0)
+    new = {
+        name: replace(drive[name], value=change(drive[name].value))
+        for name, change in changed.items()
+    }
+    return replace(drive, signals={**drive.signals, **new})
+
+
+@pytest.fixture(scope="module")
+def drafted():
+    """The truck as a draft knows it."""
+    truck = clutchest.load_vehicle("truck")
+    return replace(truck, parameters=guessed_parameters(truck.machine), limits={})
+
+
+def test_a_position_that_is_turned_round_is_doubted_however_little_is_known(drafted):
+    turned = launch(slave_position=lambda x: 64.0 - x)
+    run = replay(turned, drafted)
+    assert run.summary["contradiction"] is None
+    (warning,) = (w for w in run.warnings if w.startswith("zero_position"))
+    assert "38.4 ± 1.0 mm (zero_position_ref)" in warning and "sign" in warning
+
+
+def test_a_torque_with_the_engines_friction_in_it_is_doubted():
+    run = replay(launch(engine_torque=lambda torque: torque + 350.0), "truck")
+    (warning,) = (w for w in run.warnings if "starts it" in w)
+    assert warning.startswith("torque_bias 3") and "0 ± 30 Nm" in warning
+
+
+def test_wear_within_its_limit_is_not_doubted():
+    """2 mm are ten standard deviations of what new clutches differ by, but not beyond 3 mm."""
+    worn = clutchest.simulate(
+        "truck", "launches", 11, duration=60.0, effects={"wear": {"amount": 2.0}}
+    )
+    truck = clutchest.load_vehicle("truck")
+    assert not any("starts it" in w for w in replay(worn, truck).warnings)
+    unlimited = replace(truck, limits={})
+    assert any(w.startswith("zero_position") for w in replay(worn, unlimited).warnings)
+
+
+@pytest.mark.parametrize("teeth", [58.0 / 60.0, 1.1])
+def test_a_wrong_number_of_teeth_is_named(drafted, teeth):
+    """A clutch that never locks heats up for ever: 5 MJ of a drive that has 0.3."""
+    wrong = launch(input_shaft_speed=lambda speed: speed * teeth)
+    for vehicle in ("truck", drafted):
+        found = replay(wrong, vehicle).summary["contradiction"]
+        assert found["signal"] == "input_shaft_speed" and "number of teeth" in found["explanation"]
+        assert f"{1.0 / teeth:.4g} times input_shaft_speed" in found["explanation"]
+
+
+@pytest.mark.parametrize("scenario", ["city", "heating", "slip-steps", "ramps", "pulses"])
+def test_no_healthy_drive_has_another_ratio(scenario):
+    truck = clutchest.load_vehicle("truck")
+    assert at_another_ratio(clutchest.simulate(truck, scenario, 5, duration=120.0), truck) is None

@@ -9,21 +9,22 @@ import numpy as np
 from clutchest.estimate.explanation import SUSPICIOUS, rms_of
 from clutchest.estimate.run import Track
 from clutchest.estimate.tracking import unmeasured_band
-from clutchest.models.declarations import OutputTracking
 from clutchest.models.model import Model
-from clutchest.models.symbols import Sensor
-from clutchest.shown import with_unit
+from clutchest.models.symbols import Sensor, State
+from clutchest.shown import plus_minus, with_unit
 from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import prior_std
 
+FAR = 4.0  # standard deviations of a state's start, as `identify` names parameters
 LONG_S = 1.0  # s in a mode, in which a sensor that is read in it has readings
 
 
-def doubts(
-    drive: Signals, track: Track, model: Model, tracking: OutputTracking | None
-) -> Iterator[str]:
+def doubts(drive: Signals, track: Track, model: Model, vehicle: Vehicle) -> Iterator[str]:
     """In words: an output that is a band without its sensor, sensors that the model predicts worse
-    than a right one does, and those of which not one sample was used though the clutch was long in
-    the mode in which they are read."""
+    than a right one does, those of which not one sample was used though the clutch was long in
+    the mode in which they are read, and states far from where the vehicle file starts them."""
+    tracking = vehicle.machine.tracking
     if band := unmeasured_band(tracking, drive, track, tuple(model.unobservable)):
         yield band
     if track.contradiction is not None:
@@ -44,6 +45,9 @@ def doubts(
     for sensor in model.sensors:
         if unread := _unread(sensor, drive, track):
             yield unread
+    for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
+        if far := _far(state, float(std), track, vehicle):
+            yield far
 
 
 def _unread(sensor: Sensor, drive: Signals, track: Track) -> str:
@@ -61,4 +65,28 @@ def _unread(sensor: Sensor, drive: Signals, track: Track) -> str:
         f"{name}: none of its {len(sampled)} samples is used, although the clutch was "
         f"{sensor.mode} for {in_mode:.1f} s; it reads {most} at most: a wrong unit, or a dead "
         "sensor?"
+    )
+
+
+def _far(state: State, std: float, track: Track, vehicle: Vehicle) -> str:
+    """That a state that scatters about a nominal value from one healthy machine to the next, by
+    ``std`` (its unit), ended far from it and not as wear would have it; empty where it did not."""
+    if not (state.prior or state.healthy_std) or not len(track.time):
+        return ""
+    nominal = 1.0 if state.unit == "1" else 0.0
+    if state.prior and state.unit != "1":
+        nominal = vehicle.parameters[state.prior].value
+    end = track.states[state.name]
+    away, wear = float(end.value[-1]) - nominal, vehicle.machine.wear
+    allowed, limit = FAR * std, vehicle.limits.get("wear")
+    if wear is not None and wear.state == state.name and wear.sign * away > 0.0 and limit:
+        allowed = max(allowed, limit.value)
+    if not abs(away) > allowed:
+        return ""
+    stated = f" ({state.prior})" if state.prior and state.unit != "1" else ""
+    return (
+        f"{state.name} {plus_minus(float(end.value[-1]), float(end.std[-1]), state.unit)} is "
+        f"{abs(away) / std:.0f} standard deviations from where the vehicle file starts it, "
+        f"{plus_minus(nominal, std, state.unit)}{stated}: another vehicle, a fault, or a wrong "
+        "zero, sign, unit or swap of signals; `clutchest diagnose` tests for faults"
     )

@@ -30,6 +30,7 @@ from clutchest.estimate.whole_log import (
     delays,
     run,
 )
+from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -167,10 +168,25 @@ def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> l
             if fit is not None and _explains(fit, as_read):
                 fitting.append((fit.log_likelihood, remedy))
         if fitting:
-            fitting.sort(key=lambda each: each[0], reverse=True)
-            least = fitting[0][0] - AS_PROBABLE
-            return [remedy for likelihood, remedy in fitting[:MOST_NAMED] if likelihood >= least]
+            return _most_probable(fitting, vehicle.machine.equations(begin.available))
     return []
+
+
+def _most_probable(fitting: list[tuple[float, Remedy]], model: Model) -> list[Remedy]:
+    """The most probable explanations of those that fit, by their log-likelihoods.
+
+    These are of the same readings, except where a swap makes other readings those of a sensor:
+    such an explanation is compared with those that make the same ones.
+    """
+    read = {sensor.column or sensor.name for sensor in model.sensors}
+    best: dict[frozenset[str], float] = {}
+    named = []
+    for likelihood, remedy in sorted(fitting, key=lambda each: each[0], reverse=True):
+        others = frozenset(remedy.mended) if remedy.kind == "swap" else frozenset()
+        group = others if others & read else frozenset()
+        if likelihood >= best.setdefault(group, likelihood) - AS_PROBABLE:
+            named.append(remedy)
+    return named[:MOST_NAMED]
 
 
 def _explains(fit: MendedFit, as_read: MendedFit) -> bool:

@@ -27,6 +27,7 @@ from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.other_bench import on_other_bench
+from clutchest.estimate.other_ratio import at_another_ratio
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
@@ -83,12 +84,14 @@ def replay(
         found = on_other_bench(drive, vehicle)
         if found is None:
             found = explained(track.contradiction, track, part.drive, vehicle, progress)
+        if found is None or not found.kind:
+            found = at_another_ratio(drive, vehicle) or found
         if found is not None:
             track, state = all_invalid(track, found), contradicted(dict(state), found)
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
         followed = responses(drive, track, vehicle.machine.tracking, noise)
         tracks.append(replace(track, responses=followed, judder=_judder(drive, track, vehicle)))
-        said = doubts(drive, track, part.compiled.model, vehicle.machine.tracking)
+        said = doubts(drive, track, part.compiled.model, vehicle)
         parts.append(replace(part, warnings=[*part.warnings, *said]))
     if not tracks:
         raise unusable[0][1]
