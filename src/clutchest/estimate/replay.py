@@ -28,7 +28,7 @@ from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.other_ratio import at_another_ratio
-from clutchest.estimate.run import Run, Track
+from clutchest.estimate.run import Contradiction, Run, Track
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
@@ -81,11 +81,7 @@ def replay(
         except Unusable as problem:
             unusable.append((drive, problem))
             continue
-        found = on_other_bench(drive, vehicle)
-        if found is None:
-            found = explained(track.contradiction, track, part.drive, vehicle, progress)
-        if found is None or not found.kind:
-            found = at_another_ratio(drive, vehicle) or found
+        found = _contradiction(drive, track, part, vehicle, progress)
         if found is not None:
             track, state = all_invalid(track, found), contradicted(dict(state), found)
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
@@ -108,6 +104,18 @@ def replay(
         final=state,
         provenance=provenance(vehicle, parts[-1].compiled.digest),
     )
+
+
+def _contradiction(
+    drive: Signals, track: Track, part: Part, vehicle: Vehicle, progress: Progress | None
+) -> Contradiction | None:
+    """Why signals and model cannot both be right, and what explains it; None where they may be."""
+    if (elsewhere := on_other_bench(drive, vehicle)) is not None:
+        return elsewhere
+    found = explained(track.contradiction, track, part.drive, vehicle, progress)
+    if found is not None and found.kind:
+        return found
+    return at_another_ratio(drive, vehicle) or found
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:
