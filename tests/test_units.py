@@ -129,6 +129,8 @@ COMPOSED = {
     ("/min", "min-1"): 1.0,
     ("min^-1", "min⁻¹"): 1.0,
     ("U/min", "r/min"): 1.0,
+    ("Umdr/min", "rpm"): 1.0,
+    ("Prozent", "%"): 1.0,
     ("tr/min", "rev/min"): 1.0,
     ("ft-lb", "lb-ft"): 1.0,
     ("ft lb", "lb ft"): 1.0,
@@ -141,6 +143,10 @@ TEMPERATURES = [
     (100.0, "degC", 212.0, "degF"),
     (-40.0, "deg C", -40.0, "deg F"),
     (37.0, "C", 98.6, "°F"),
+    (37.0, "Celsius", 98.6, "° F"),
+    (85.0, "Grad C", 185.0, "Grad Fahrenheit"),
+    (85.0, "° C", 185.0, "degrees F"),
+    (85.0, "DegC", 85.0, "grad Celsius"),
 ]
 
 
@@ -184,7 +190,7 @@ def test_temperatures(value, unit, same, other):
     assert units.convert(same, other, unit) == pytest.approx(value, abs=1e-12)
 
 
-@pytest.mark.parametrize("unit", ["K", "kelvin", "Kelvin"])
+@pytest.mark.parametrize("unit", ["K", "kelvin", "Kelvin", "deg K", "° K"])
 def test_a_reading_in_kelvin_is_a_temperature(unit):
     assert units.convert_reading(300.0, unit, "°C") == pytest.approx(26.85, abs=1e-12)
 

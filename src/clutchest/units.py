@@ -99,13 +99,10 @@ _ALIASES = {
     "-": "1",
     "kph": "km/h",
     "km/hour": "km/h",
-    "degC": "°C",
-    "deg C": "°C",
     "C": "°C",
-    "degF": "°F",
+    "Celsius": "°C",
     "kelvin": "K",
     "Kelvin": "K",
-    "deg F": "°F",
     "RPM": "rpm",
     "1/min": "rpm",
     "/min": "rpm",
@@ -113,6 +110,7 @@ _ALIASES = {
     "min^-1": "rpm",
     "min⁻¹": "rpm",
     "U/min": "rpm",
+    "Umdr/min": "rpm",
     "r/min": "rpm",
     "tr/min": "rpm",
     "sec": "s",
@@ -129,6 +127,7 @@ _ALIASES = {
     "N.mm": "Nmm",
     "N-mm": "Nmm",
     "percent": "%",
+    "Prozent": "%",
     "ohm": "Ohm",
     "Grad": "°",
     "um": "µm",
@@ -138,6 +137,10 @@ _ALIASES = {
     "unitless": "1",
     "Unitless": "1",
 }
+# as people write °C: with a blank between, that is no product of an angle and a temperature
+_DEGREES = re.compile(
+    r"(?:°|deg(?:rees?)?|grad)\s*(?:(c)(?:elsius)?|(f)(?:ahrenheit)?|(k)(?:elvin)?)", re.IGNORECASE
+)
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _FACTOR = re.compile(
     r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)|(?P<symbol>[A-Za-zµΩ°%]+))"
@@ -160,7 +163,7 @@ def parse(text: str) -> Unit:
 
 def _parsed(text: str) -> Unit:
     text = text.strip().replace("\u03bc", "µ")  # a Greek letter for the sign of micro
-    source = _ALIASES.get(text, text)
+    source = _temperature(_ALIASES.get(text, text))
     source = re.sub(r"[⁻⁰¹²³⁴-⁹]+", lambda m: "^" + m.group().translate(_SUPERSCRIPTS), source)
     source = re.sub(r"[·*]", " ", source)
     numerator, _, denominator = source.partition("/")
@@ -175,6 +178,13 @@ def _parsed(text: str) -> Unit:
         a - times * b for a, b in zip(top.dimensions, bottom.dimensions, strict=True)
     )
     return Unit(top.scale / bottom.scale**times, dimensions, top.offset)  # type: ignore[arg-type]
+
+
+def _temperature(text: str) -> str:
+    """A unit of temperature as this module writes it; any other text as it is."""
+    if match := _DEGREES.fullmatch(text):
+        return "°C" if match[1] else "°F" if match[2] else "K"
+    return text
 
 
 def _product(text: str, whole: str) -> Unit:
@@ -231,7 +241,7 @@ def convert_reading(value: NDArray[np.float64], unit: str, to: str) -> NDArray[n
 
 
 def _is_kelvin(unit: str) -> int:
-    return int(unit.strip() in ("K", "kelvin", "Kelvin"))
+    return int(_temperature(unit.strip()) in ("K", "kelvin", "Kelvin"))
 
 
 def compatible(unit: str, to: str) -> bool:

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import clutchest
@@ -17,6 +18,7 @@ from clutchest.models import machine_of
 from clutchest.reading.candidates import WHEEL
 from clutchest.reading.gears import through_sent_gear
 from clutchest.reading.inspection import inspect_logs
+from clutchest.reading.table_inspection import inspect_tables
 from clutchest.signals import Why
 from clutchest.vehicle import dump_vehicle, load_vehicle
 
@@ -102,6 +104,21 @@ def test_speeds_without_a_name_are_known_by_what_they_turn_with(tmp_path: Path) 
     engine, shaft = (found.candidates[n][0] for n in ("engine_speed", "input_shaft_speed"))
     assert (engine.by, shaft.by) == ("behaviour", "behaviour")
     assert (engine.signal, shaft.signal) == ("S1", "S2")
+
+
+def test_what_is_missing_may_be_in_percent(tmp_path: Path) -> None:
+    """No log says what 100 % of a stroke is; that it is there in percent, the draft says."""
+    path = log(tmp_path, "Travel")
+    dbc = (tmp_path / "car.dbc").read_text()
+    travel = dbc.replace('Gear : 48|8@1+ (1,0) [0|15] ""', 'Travel2 : 48|8@1+ (1,0) [0|100] "%"')
+    (tmp_path / "car.dbc").write_text(travel)
+    found = inspect_logs([path], [tmp_path / "car.dbc"], model="dry_clutch")
+    (words,) = (words for words in found.missing if words.startswith("signals.slave_position"))
+    assert "in %: M1.Travel2, which 'reference'" in words
+    table = pd.DataFrame({"time": T, "engine_speed": speeds()[0], "Stroke [%]": 50.0 + T})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    (words,) = (w for w in inspect_tables([tmp_path / "a.csv"]).missing if "slave_position" in w)
+    assert "in %: Stroke [%], which 'reference'" in words
 
 
 def test_a_setpoint_comes_after_what_is_measured(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.gears import engaged_gear
 from clutchest.reading.mapping import signals_of
+from clutchest.shipped import shipped
 from clutchest.signals import Why
+from clutchest.simulated import simulate
 from clutchest.vehicle import BusSignal, load_vehicle
 
 RPM = np.pi / 30
@@ -44,6 +46,26 @@ def test_without_friction_torque_there_is_a_warning(send, truck, bus) -> None:
         "no valid friction torque (EEC3.NominalFrictionPercentTorque)" in w
         for w in signals.warnings
     )
+
+
+def test_a_position_in_percent_is_one_of_its_stroke(edited, tmp_path) -> None:
+    """What is simulated onto a bus that sends % of 64 mm is read as from one that sends mm."""
+    text = shipped("dbc")["hdt_clutch"].read_text(encoding="utf-8")
+    mm = 'SlavePosition : 0|16@1+ (0.001,0) [0|64.255] "mm"'
+    assert mm in text
+    percent = text.replace(mm, 'SlavePosition : 0|16@1+ (0.002,0) [0|130] "%"')
+    (tmp_path / "percent.dbc").write_text(percent, encoding="utf-8")
+    path = edited(
+        ("hdt_clutch.dbc", "percent.dbc"),
+        (
+            'signal = "SlavePosition"\nunit = "mm"',
+            'signal = "SlavePosition"\nunit = "%"\nreference = { value = 6.4, unit = "cm" }',
+        ),
+    )
+    read, sent = (simulate(v, "launches", 1, duration=20.0) for v in (path, "truck"))
+    assert read["slave_position"].unit == "mm"
+    assert read["slave_position"].value == pytest.approx(sent["slave_position"].value, abs=0.002)
+    assert np.ptp(read["slave_position"].value) > 5.0
 
 
 def test_canonical_units_and_times(send, truck, bus) -> None:

@@ -257,6 +257,19 @@ WRONG = [
         r"unit 's' of modes\.lock_slip cannot be converted to 'rad/s'",
     ),
     (
+        (
+            'signal = "SlavePosition"\nunit = "mm"',
+            'signal = "SlavePosition"\nunit = "%" # of the stroke',
+        ),
+        "# of the stroke",
+        r"'%' of signals\.slave_position cannot .* 'reference' states what 100 % stands for, in mm",
+    ),
+    (
+        ('signal = "MotorPosition"', 'signal = "MotorPosition"\nreference = "50"'),
+        'reference = "50"',
+        r"motor_position\.reference must be a number",
+    ),
+    (
         ("checked =", 'effects_files = ["no.py"]\nchecked ='),
         "effects_files",
         r"no such file: no\.py \(relative to this vehicle file\)",

@@ -42,8 +42,9 @@ def guesses(vehicle: Vehicle, energy_from: Mapping[str, float]) -> list[str]:
             brought = ", ".join(f"{key} ±{_short(energy_from[key] / 1e3)} kJ" for key in matter)
             words[0] += f"; into the slip energy they bring {brought}{_determined(vehicle, matter)}"
     words += [
-        f"guessed, by {vehicle.path.name}: 100 % of {name} is {signal.reference:g} Nm; torque and "
-        "energy scale with it, and their standard deviations do not contain that"
+        f"guessed, by {vehicle.path.name}: 100 % of {name} is {signal.reference:g} "
+        f"{vehicle.machine.units[name]}; torque and energy scale with it, and their standard "
+        "deviations do not contain that"
         for name, signal in vehicle.signals.items()
         if signal.reference_guessed
     ]

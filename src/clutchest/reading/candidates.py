@@ -136,13 +136,15 @@ class BusSource:
 class SignalSearch:
     """``candidates`` by canonical name, the most likely first; ``sources`` of the first ones;
     ``wheels``: wheel speeds; ``gears``: signals that may be the engaged gear; ``companions``:
-    canonical name → key of the vehicle file → J1939 signal."""
+    canonical name → key of the vehicle file → J1939 signal; ``percents``: signals in percent that
+    change and are not among the candidates."""
 
     candidates: Mapping[str, tuple[SignalCandidate, ...]]
     sources: Mapping[str, BusSource]
     wheels: tuple[BusSource, ...]
     gears: tuple[BusSource, ...]
     companions: Mapping[str, Mapping[str, BusSignal]]
+    percents: tuple[BusSource, ...]
 
 
 def sources_of(
@@ -181,7 +183,16 @@ def search(sources: Sequence[BusSource], machine: Machine) -> SignalSearch:
             ranked[name] = tuple(c for c, _ in found)
             of[name] = found[0][1]
     gears = tuple(s for s in sources if GEAR.search(s.layout.name) and s.measures("1"))
-    return SignalSearch(ranked, of, wheels, gears, companions)
+    taken = {(c.message, c.signal) for found in ranked.values() for c in found}
+    taken |= {(bus.message, bus.signal) for parts in companions.values() for bus in parts.values()}
+    percents = tuple(
+        source
+        for source in sources
+        if source.layout.unit == "%"
+        and (source.message.name, source.layout.name) not in taken
+        and len(np.unique(source.values().value)) > 1
+    )
+    return SignalSearch(ranked, of, wheels, gears, companions, percents)
 
 
 def matched_by(source: BusSource, column: Column) -> By | None:

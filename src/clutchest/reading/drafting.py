@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
@@ -24,6 +24,7 @@ from clutchest.reading.driveline import Driveline
 from clutchest.vehicle import BusSignal, ParameterValue, SignalMap, Vehicle, load_vehicle
 
 OTHER_PERIOD = 0.1  # of a stated period, by which messages of another vehicle differ
+MOST_NAMED = 4  # signals in percent
 STATED = 0.1  # of a stated reference torque, by which the engine's largest may differ
 
 
@@ -201,7 +202,7 @@ class Draft:
                     "never turns with the engine in a gear for long: "
                     + ", ".join(_shown(wheel) for wheel in self._wheels()[:4])
                 )
-            words.append(line)
+            words.append(line + percents_in_words(s.where for s in self.found.percents))
         if not self.template:
             words += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
         return tuple(words)
@@ -239,6 +240,14 @@ class Draft:
         if units.compatible(unit, ROAD):
             lines.append(f"radius = {USUAL_RADIUS}")
         return lines
+
+
+def percents_in_words(names: Iterable[str]) -> str:
+    """Which signals or columns in percent may be one that is missing, in words."""
+    which = ", ".join(list(names)[:MOST_NAMED])
+    if not which:
+        return ""
+    return f"; in %: {which}, which 'reference', what 100 % stands for, would convert"
 
 
 def guessed_parameters(machine: Machine, template: str = "") -> dict[str, ParameterValue]:

@@ -20,7 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading.account import Account, contents_of, words
 from clutchest.reading.gears import gear_signal, through_gear, through_sent_gear
 from clutchest.reading.message_columns import column_of, without_corrupted
-from clutchest.reading.percent_torque import torque_of
+from clutchest.reading.percent_torque import of_reference
 from clutchest.reading.plausible import clipped, excluded
 from clutchest.reading.samples import NONE, VALID, Samples
 from clutchest.reading.senders import most_frequent_sender, name_of, senders_of
@@ -332,7 +332,7 @@ class Decoding:
         if signal.less:
             value, why = self._difference(signal, samples)
         if signal.reference is not None:
-            value = self._torque(signal, samples)
+            value = self._of_reference(signal, samples)
         elif signal.radius is not None:
             value = signal.through_radius(value)
         else:
@@ -371,7 +371,7 @@ class Decoding:
     def _gear_is_sent(self, signal: SignalMap) -> bool:
         return signal.gear is not None and self._samples(signal, signal.gear).any_valid()
 
-    def _torque(self, signal: SignalMap, samples: Samples) -> Floats:
+    def _of_reference(self, signal: SignalMap, samples: Samples) -> Floats:
         fraction = self._samples(signal, signal.fraction) if signal.fraction else None
         friction = self._samples(signal, signal.friction) if signal.friction else None
         if friction is not None and signal.friction and not friction.any_valid():
@@ -379,7 +379,7 @@ class Decoding:
                 f"{signal.name}: no valid friction torque "
                 f"({signal.friction.message}.{signal.friction.signal}); taken as 0"
             )
-        return torque_of(signal, samples, fraction, friction)
+        return of_reference(signal, samples, fraction, friction)
 
     def _geared(self, wheel: Signal, engine: Signal | None) -> Signal:
         """A wheel speed times the ratio of the gear inferred from it and the engine's speed."""

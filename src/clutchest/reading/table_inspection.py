@@ -17,7 +17,11 @@ from clutchest.models.machine import Machine
 from clutchest.models.thresholds import Thresholds
 from clutchest.paths import names_of
 from clutchest.reading.candidates import noise_of
-from clutchest.reading.drafting import guessed_parameters, origin_of_parameters
+from clutchest.reading.drafting import (
+    guessed_parameters,
+    origin_of_parameters,
+    percents_in_words,
+)
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
@@ -92,7 +96,14 @@ class TableInspection:
             for c in self.columns
             if c.column not in taken and c.unit and _fits(c.unit, unit)
         ]
-        return f"; in such a unit: {', '.join(fitting)}" if fitting else ""
+        words = f"; in such a unit: {', '.join(fitting)}" if fitting else ""
+        if units.compatible(unit, "%"):
+            return words
+        return words + percents_in_words(
+            c.column
+            for c in self.columns
+            if c.column not in taken and c.unit == "%" and c.low != c.high
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """What ``inspect.json`` holds."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.models.machine import Machine
+from clutchest.vehicle.signals_section import SMALLEST
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.vehicle import TIMING, BusSignal, SignalMap, TableColumn, Vehicle
 
@@ -65,7 +66,7 @@ def _reference(file: TomlFile, name: str, entry: dict[str, Any], unit: str) -> f
     """What 100 % of a column in percent stands for, in the ``unit`` of its signal."""
     if "reference" not in entry:
         return None
-    return file.quantity(("columns", name, "reference"), entry["reference"], unit, 1e-3).value
+    return file.quantity(("columns", name, "reference"), entry["reference"], unit, SMALLEST).value
 
 
 def _signal(

@@ -17,6 +17,7 @@ from clutchest.vehicle.vehicle import FORCE, SPEED, TIMING, BusSignal, SignalMap
 
 LARGEST_ADDRESS = 253  # J1939 keeps the addresses above
 LARGEST_GEAR = 255
+SMALLEST = 1e-9  # that 100 % may stand for
 
 _KEYS = (
     "message",
@@ -148,17 +149,18 @@ def _signal(entry: _Entry) -> SignalMap:
 
 
 def _reference(entry: _Entry) -> float | None:
-    """Nm that 100 % stands for."""
+    """What 100 % stands for, in the canonical unit."""
     if "reference" not in entry.table:
         return None
-    keys = entry.keys("reference")
-    reference = entry.file.quantity(keys, entry.table["reference"], "Nm", 1e-3).value
-    if entry.unit != "Nm":
+    if units.compatible(entry.unit, "%") or "gears" in entry.table:
+        what = "a wheel speed" if "gears" in entry.table else f"in {entry.unit}"
         raise entry.error(
             "reference",
-            f"'reference' converts percent to a torque (Nm); {entry.name} is in {entry.unit}",
+            f"'reference' converts percent to another unit; signals.{entry.name} is {what}",
         )
-    return reference
+    return entry.file.quantity(
+        entry.keys("reference"), entry.table["reference"], entry.unit, SMALLEST
+    ).value
 
 
 def _radius(entry: _Entry) -> float | None:

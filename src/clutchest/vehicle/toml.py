@@ -126,9 +126,10 @@ class TomlFile:
         except ClutchestError as problem:
             raise self.error(keys, str(problem)) from None
         if not agrees:
-            raise self.error(
-                keys, f"unit '{unit}' of {'.'.join(keys[:-1])} cannot be converted to '{expected}'"
-            )
+            words = f"unit '{unit}' of {'.'.join(keys[:-1])} cannot be converted to '{expected}'"
+            if unit == "%" and len(keys) == 3:  # of a signal or column
+                words += f"; 'reference' states what 100 % stands for, in {expected}"
+            raise self.error(keys, words)
         return unit
 
     def quantity(

@@ -66,8 +66,8 @@ class SignalMap:
     ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` the source of both;
     one that begins with "guess" makes them a guess.
 
-    A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``;
-    a ``reference_source`` that begins with "guess" makes it one.
+    A signal in percent is one of ``reference`` (canonical unit), a J1939 torque ``bus`` plus
+    ``fraction`` less ``friction``; a ``reference_source`` that begins with "guess" makes it one.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
     first), in a unit of length per time through the tyres' rolling ``radius`` (m); the gear is
     taken from ``gear`` where mapped, which has ``gear_numbers`` in them (1, 2, … unless given),
@@ -131,7 +131,7 @@ class SignalMap:
 
     @property
     def reference_guessed(self) -> bool:
-        """Whether the torque that 100 % stands for is a guess, by its source."""
+        """Whether what 100 % stands for is a guess, by its source."""
         return _says_guess(self.reference_source)
 
 
