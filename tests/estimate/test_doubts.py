@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.estimate.against_slip import against_slip
 from clutchest.estimate.explanation import remedies
 from clutchest.estimate.other_ratio import at_another_ratio
 from clutchest.estimate.replay import replay
@@ -125,6 +126,31 @@ def test_a_wrong_number_of_teeth_is_named(drafted, teeth):
         found = replay(wrong, vehicle).summary["contradiction"]
         assert found["signal"] == "input_shaft_speed" and "number of teeth" in found["explanation"]
         assert f"{1.0 / teeth:.4g} times input_shaft_speed" in found["explanation"]
+
+
+@pytest.mark.parametrize("mistake", ["sign", "swap"])
+def test_heat_that_would_come_back_is_named_however_little_is_known(drafted, mistake):
+    """The parameters of a draft allow for a clutch that drives the engine; the signals do not."""
+    wrong = launch(engine_torque=lambda torque: -torque)
+    if mistake == "swap":
+        drive = launch()
+        a, b = drive["engine_speed"], drive["input_shaft_speed"]
+        new = {a.name: replace(b, name=a.name), b.name: replace(a, name=b.name)}
+        wrong = replace(drive, signals={**drive.signals, **new})
+    run = replay(wrong, drafted)
+    found = run.summary["contradiction"]
+    assert "give back" in found["words"] and "sign of engine_torque" in found["explanation"]
+    assert "engine_speed and input_shaft_speed are swapped" in found["explanation"]
+    assert not any(state["valid"] for state in run.summary["states"].values())
+
+
+@pytest.mark.parametrize("effect", ["torque_gain", "torque_bias", "friction_level"])
+def test_a_fault_is_no_heat_that_comes_back(effect):
+    truck = clutchest.load_vehicle("truck")
+    change = {"torque_gain": {"change": 0.3}, "friction_level": {"change": -0.5}}
+    effects = {effect: change.get(effect, {"bias": -100.0})}
+    drive = clutchest.simulate(truck, "city", 4, duration=120.0, effects=effects)
+    assert against_slip(drive, replay(drive, truck).tracks[0], truck) is None
 
 
 @pytest.mark.parametrize("scenario", ["city", "heating", "slip-steps", "ramps", "pulses"])

@@ -16,6 +16,7 @@ import numpy as np
 from clutchest import __version__, memory_mapped
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
+from clutchest.estimate.against_slip import against_slip
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.doubts import doubts
@@ -115,7 +116,7 @@ def _contradiction(
     found = explained(track.contradiction, track, part.drive, vehicle, progress)
     if found is not None and found.kind:
         return found
-    return at_another_ratio(drive, vehicle) or found
+    return at_another_ratio(drive, vehicle) or against_slip(drive, track, vehicle) or found
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:

@@ -152,8 +152,8 @@ def _with_unit(name: str, unit: str) -> str:
 class Contradiction:
     """Signals and model that cannot both be right: ``words`` say how that shows, ``signal`` is the
     one most in question, from ``since_s`` on the drive's clock no state is believed.
-    ``explanation`` in words, "" where none was sought, and its ``kind``: sign, swap, unit or dead,
-    "" where there is none; ``others``: signals that are in question as much."""
+    ``explanation`` in words, "" where none was sought, its ``kind``: sign, swap, unit, dead, ratio,
+    bench, "" where there is none; ``others``: signals that are in question as much."""
 
     words: str
     signal: str

@@ -60,6 +60,20 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
+class Driving:
+    """Signals that say without friction, position or temperature what surfaces in the event mode
+    turn to heat: a reported ``torque`` (Nm), less what accelerates the ``inertia`` (a parameter) of
+    the side whose ``speed`` it changes, against the slip to the ``other`` speed.  ``largest``: a
+    parameter, the torque's largest value."""
+
+    torque: str
+    inertia: str
+    speed: str
+    other: str
+    largest: str
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """A pair of quantities of the equations that should agree: as ``measured`` and as
     ``simulated``, in ``unit``; ``what`` they are, in words, and ``key`` in files: the first word

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from clutchest.models.declarations import Comparison, Event, Wear
+from clutchest.models.declarations import Comparison, Driving, Event, Wear
 from clutchest.models.dry_clutch.delays import DELAY_RELATIONS
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH, at_rest, for_signals
 from clutchest.models.dry_clutch.error_terms import (
@@ -67,6 +67,9 @@ MACHINE = Machine(
         part="pads",
         rate_state="wear_rate",
         same_as=("position_offset",),
+    ),
+    driving=Driving(
+        "engine_torque", "engine_inertia", "engine_speed", "input_shaft_speed", "engine_torque_max"
     ),
     overview=("engine_speed", "input_shaft_speed", "slave_position"),
     limits={"wear": "mm"},
