@@ -40,6 +40,15 @@ def test_a_driveline_that_shuffles_is_judged_by_its_mean() -> None:
     assert shaken.lock_average == 0.3 and 2.0 <= shaken.lock_slip < 15.0
 
 
+def test_single_readings_of_zero_are_in_no_gear() -> None:
+    time = np.arange(0.0, 60.0, 0.005)
+    wheel, engine = (np.interp(time, T, speed) for speed in drive())
+    wheel[2400::1600] = 0.0  # a sensor that drops out for one sample in eight seconds
+    found = learn_gears(time, wheel, engine)
+    assert [g.ratio for g in found.gears] == pytest.approx(RATIOS, rel=0.02)
+    assert np.isfinite(found.scatter) and (found.gear[wheel == 0.0] == -1).all()
+
+
 def test_rolling_in_neutral_is_no_gear() -> None:
     wheel = np.interp(T, [0, 60], [60.0, 5.0])
     assert learn_gears(T, wheel, np.full(len(T), 75.0)).gears == ()

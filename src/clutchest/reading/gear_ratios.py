@@ -146,7 +146,8 @@ def _learned(
     """With the slip in all gears, and the thresholds that it calls for."""
     slip, ratio = np.full(len(time), np.nan), np.full(len(time), np.nan)
     of = np.full(len(time), -1, np.intp)
-    for number, (held, gear) in enumerate(found):
+    for number, (near, gear) in enumerate(found):
+        held = near & (wheel > 0.0)  # single readings of a dropped one may be 0
         of[held] = number
         slip[held] = engine[held] - wheel[held] * gear.ratio
         ratio[held] = engine[held] / (wheel[held] * gear.ratio)
