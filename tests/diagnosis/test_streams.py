@@ -11,6 +11,7 @@ from clutchest.can.frames import Frames
 from clutchest.diagnosis.streams import StreamTests, between
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
+from clutchest.shipped import shipped
 from clutchest.simulated import simulate_frames
 from clutchest.vehicle import load_vehicle
 
@@ -173,6 +174,21 @@ def test_frames_that_waited_somewhere_are_neither_late_nor_miscounted(truck, fra
     held = replace(short, t_ns=np.sort(t_ns[: len(short)]))
     alarms = detected(streams_of(truck, held, 0.5))
     assert not {"counter:ClutchActuator", "missing:EEC1", "late:EEC1"} & set(alarms)
+
+
+def test_frames_that_waited_for_a_session_do_not_state_a_period(frames, tmp_path):
+    """A DBC without cycle times, and half a second of frames that come all at once at the begin."""
+    dbc = shipped("dbc")["hdt_clutch"].read_text(encoding="utf-8")
+    lines = [line for line in dbc.splitlines() if not line.startswith('BA_ "GenMsgCycleTime" BO_')]
+    assert len(lines) < len(dbc.splitlines())
+    (tmp_path / "hdt_clutch.dbc").write_text("\n".join(lines), encoding="utf-8")
+    text = shipped("vehicles")["truck"].read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    since, begin = frames.t_ns - frames.t_ns[0], 500_000_000
+    at_once = np.where(since < begin, begin - 50_000 + since // 10_000, since)
+    held = replace(frames, t_ns=frames.t_ns[0] + at_once).take(since < 60e9)
+    alarms = detected(streams_of(load_vehicle(tmp_path / "mine.toml"), held))
+    assert not [name for name in alarms if name.startswith("late:")]
 
 
 def test_a_piston_that_sticks(truck, frames):

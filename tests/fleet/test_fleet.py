@@ -8,14 +8,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow.dataset
 import pytest
+from rich.console import Console
 
 import clutchest
 from clutchest.can.files import read_frames, write_frames
+from clutchest.cli.fleet import _print
 from clutchest.errors import ClutchestError
 from clutchest.fleet import cluster as cluster_module
 from clutchest.fleet import one_log
@@ -23,7 +26,8 @@ from clutchest.fleet.comparison import compare, fleet_level, outliers
 from clutchest.fleet.fleet import Fleet, FleetVehicle, compared
 from clutchest.fleet.imprint import Passed
 from clutchest.fleet.logs import FleetLog, logs_of
-from clutchest.fleet.one_log import LogTask, estimate_log, read_row
+from clutchest.fleet.one_log import LogTask, drives_of, estimate_log, read_row
+from clutchest.fleet.report import fleet_page
 from clutchest.shipped import shipped
 from clutchest.simulated import write_simulation
 
@@ -128,6 +132,23 @@ def test_what_a_fleet_says_of_itself() -> None:
     assert line([1.0, 1.0, 0.5]) == "3 vehicles; not compared, which takes 4"
     assert line([1.0, 1.01, 0.99, 1.0]) == "4 vehicles, 0 differ from the fleet"
     assert line([1.0, 1.01, 0.99, 1.0, 1.0, 0.99, 0.3]) == "7 vehicles, 1 differs from the fleet"
+
+
+def test_a_log_that_contradicts_the_model_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its estimates are not valid, so that the table alone would have an empty row."""
+    drive = clutchest.simulate("truck", "launches", 11, duration=30.0)
+    torque = drive["engine_torque"]
+    wrong = replace(drive.signals["engine_torque"], value=-torque.value)
+    run = clutchest.replay(
+        replace(drive, signals={**drive.signals, "engine_torque": wrong}), "truck"
+    )
+    (row,) = drives_of(run)
+    one = FleetVehicle("truck-1", ("a.log",), {}, ({**row, "log": "a.log"},), {}, None)
+    fleet = Fleet(clutchest.load_vehicle("truck"), (one,), {})
+    assert "the sign of engine_torque is wrong" in fleet.contradicting["a.log"]
+    assert "a.log" in fleet_page(fleet) and "contradict the model" in fleet_page(fleet)
+    _print(fleet, Console(width=400))
+    assert "signals contradict the model: a.log: " in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -106,18 +106,20 @@ def _as_json(result: Fleet) -> dict[str, Any]:
         "vehicles": result.rows(),
         "outliers": result.outliers,
         "rejected": result.rejected,
+        "contradicting": result.contradicting,
         "notes": result.notes,
     }
 
 
 def _print(result: Fleet, console: Console) -> None:
-    """Who differs in what, what was not used, and the table."""
+    """Who differs in what, what was not used or contradicts the model, and the table."""
     from rich.markup import escape
 
     print_shown(result.shown(), console)
     for words in result.differences():
         console.print(f"[bold red]{escape(words)}[/]")
     _print_logs("not used", result.rejected, console)
+    _print_logs("signals contradict the model", result.contradicting, console)
     _print_logs("note", result.notes, console)
 
 

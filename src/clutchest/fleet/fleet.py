@@ -84,6 +84,13 @@ class Fleet(Tabulated):
         """Logs that are used → why their clocks are not relied on."""
         return {log: note for one in self.vehicles for log, note in one.notes.items()}
 
+    @property
+    def contradicting(self) -> dict[str, str]:
+        """Logs whose signals contradict the model, so that none of their estimates count → how that
+        shows, and what explains it."""
+        drives = (drive for one in self.vehicles for drive in one.drives)
+        return {d["log"]: d["contradiction"] for d in drives if d.get("contradiction")}
+
     def differences(self) -> list[str]:
         """In words, which vehicle differs from the fleet, in what, and by how much."""
         words = []

@@ -124,7 +124,9 @@ def drives_of(run: Run) -> list[dict[str, Any]]:
                 "duration_s": float(track.time[-1]) if len(track.time) else 0.0,
                 "slip_events": len(track.engagements),
                 "slip_energy_J": float(sum(event.energy_J for event in track.engagements)),
-                "contradiction": found.words if found else None,
+                "contradiction": "; ".join(filter(None, (found.words, found.explanation)))
+                if found
+                else None,
                 "states": states,
             }
         )

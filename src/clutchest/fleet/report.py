@@ -27,6 +27,12 @@ def fleet_page(fleet: Fleet) -> str:
     if fleet.rejected:
         rows = [(log, why) for log, why in fleet.rejected.items()]
         parts += ["## Logs that are not used", table(("log", "why"), rows)]
+    if fleet.contradicting:
+        parts += [
+            "## Logs whose signals contradict the model",
+            "None of their estimates counts.",
+            table(("log", "how that shows"), fleet.contradicting.items()),
+        ]
     if fleet.notes:
         parts += [
             "## Logs whose clock is not relied on",

@@ -22,7 +22,8 @@ from clutchest.vehicle import Vehicle
 
 SMALLEST = 0.1  # of the period: the lateness that matters
 PRIOR_JITTER = 0.05  # of the period, before any has been observed
-FIRST_GAPS = 20  # intervals whose median is the period where none is stated
+FIRST_GAPS = 20  # intervals, at least, whose median is the period where none is stated, and of
+FIRST_S = 1.0  # s: a session may begin with frames that have waited for it and come all at once
 LOST = 1.75  # periods: a frame was lost rather than late, unless that is the rule
 FORGETTING = 0.05  # per frame, of the share of lost frames
 LOST_SHARE = FAILING + 1  # of the state: recent share of lost frames
@@ -61,11 +62,13 @@ class Late(StreamTest):
         if self.period is None:
             self.period = traffic.period
         if self.period is None:  # estimated from the first gaps, which are not tested
-            need = FIRST_GAPS - len(self.first)
+            spent = np.cumsum(gaps) + sum(self.first)
+            few = np.arange(1, len(gaps) + 1) + len(self.first) < FIRST_GAPS
+            need = int(np.count_nonzero(few | (spent < FIRST_S))) + 1
             self.first += gaps[:need].tolist()
-            gaps, time = gaps[need:], time[need:]
-            if len(self.first) < FIRST_GAPS:
+            if need > len(gaps):
                 return
+            gaps, time = gaps[need:], time[need:]
             self.period = float(np.median(self.first))
         period = self.period
         self.enabled += float(gaps.sum())
