@@ -32,7 +32,7 @@ def scaled(drive, name, factor):
 def test_a_right_model_is_not_doubted(log, vehicle):
     car = clutchest.load_vehicle(vehicle)
     warnings = replay(clutchest.read_log(log, car), car).warnings
-    said = ("readings differ", "samples is used", "starts it")
+    said = ("readings differ", "samples is used", "starts it", "dead sensor")
     assert not any(words in w for w in warnings for words in said)
 
 
@@ -126,6 +126,13 @@ def test_a_wrong_number_of_teeth_is_named(drafted, teeth):
         found = replay(wrong, vehicle).summary["contradiction"]
         assert found["signal"] == "input_shaft_speed" and "number of teeth" in found["explanation"]
         assert f"{1.0 / teeth:.4g} times input_shaft_speed" in found["explanation"]
+
+
+def test_a_shaft_that_never_turns_is_doubted_however_little_is_known(drafted):
+    run = replay(launch(input_shaft_speed=np.zeros_like), drafted)
+    assert run.summary["contradiction"] is None
+    (warning,) = (w for w in run.warnings if "dead sensor" in w)
+    assert warning.startswith("input_shaft_speed does not change in 60 s")
 
 
 @pytest.mark.parametrize("mistake", ["sign", "swap"])

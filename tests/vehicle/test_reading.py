@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.tables import write_signals
 from clutchest.reading.window import TimeWindow
+from clutchest.shipped import shipped
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import write_simulation
 from clutchest.vehicle import load_vehicle
@@ -334,3 +336,31 @@ def test_a_frame_that_is_logged_twice_counts_once(send, truck, tmp_path) -> None
     assert len(signals["engine_speed"]) == 100
     assert signals.counts.rejected["duplicate"] == 20
     assert signals.counts.frames == 120
+
+
+@pytest.mark.parametrize(
+    ("signal", "unit", "other", "words"),
+    [
+        ("EngineSpeed", "rpm", "rad/s", "engine_speed of .* rad/s; is it in rpm"),
+        ("MotorPosition", "mm", "m", "motor_position of .* in m; is it in mm"),
+        ("EngineCoolantTemperature", "°C", "K", "coolant_temp of .* in K; is it in °C"),
+    ],
+)
+def test_a_unit_that_only_the_vehicle_file_states_is_judged(signal, unit, other, words, tmp_path):
+    """A DBC without units says nothing against rpm that are taken for rad/s."""
+    dbc = shipped("dbc")["hdt_clutch"].read_text(encoding="utf-8")
+    bare = re.sub(rf'( SG_ {signal} :.*\]) "[^"]*"', r'\1 ""', dbc)
+    assert bare != dbc
+    (tmp_path / "bare.dbc").write_text(bare, encoding="utf-8")
+    text = shipped("vehicles")["truck"].read_text(encoding="utf-8").replace("hdt_clutch", "bare")
+    right, stated = tmp_path / "right.toml", f'signal = "{signal}"\nunit = "{unit}"'
+    right.write_text(text, encoding="utf-8")
+    assert stated in text
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(
+        text.replace(stated, f'signal = "{signal}"\nunit = "{other}"'), encoding="utf-8"
+    )
+    assert len(read_log("demo", load_vehicle(right))["engine_speed"]) > 1000
+    with pytest.raises(ClutchestError, match=f"demo.log.gz: {words}") as caught:
+        read_log("demo", load_vehicle(wrong))
+    assert "the database states no unit" in str(caught.value)

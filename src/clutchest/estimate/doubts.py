@@ -10,20 +10,22 @@ from clutchest.estimate.explanation import SUSPICIOUS, rms_of
 from clutchest.estimate.run import Track
 from clutchest.estimate.tracking import unmeasured_band
 from clutchest.models.model import Model
-from clutchest.models.symbols import Sensor, State
+from clutchest.models.symbols import Column, Sensor, State
 from clutchest.shown import plus_minus, with_unit
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std
 
 FAR = 4.0  # standard deviations of a state's start, as `identify` names parameters
+STILL_S = 10.0  # s of slip against a shaft that stands: no launch takes as long
 LONG_S = 1.0  # s in a mode, in which a sensor that is read in it has readings
 
 
 def doubts(drive: Signals, track: Track, model: Model, vehicle: Vehicle) -> Iterator[str]:
     """In words: an output that is a band without its sensor, sensors that the model predicts worse
     than a right one does, those of which not one sample was used though the clutch was long in
-    the mode in which they are read, and states far from where the vehicle file starts them."""
+    the mode in which they are read, a speed that stands still, and states far from where the
+    vehicle file starts them."""
     tracking = vehicle.machine.tracking
     if band := unmeasured_band(tracking, drive, track, tuple(model.unobservable)):
         yield band
@@ -45,6 +47,9 @@ def doubts(drive: Signals, track: Track, model: Model, vehicle: Vehicle) -> Iter
     for sensor in model.sensors:
         if unread := _unread(sensor, drive, track):
             yield unread
+    for column in vehicle.machine.columns:
+        if still := _still(column, drive, track, vehicle):
+            yield still
     for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
         if far := _far(state, float(std), track, vehicle):
             yield far
@@ -65,6 +70,25 @@ def _unread(sensor: Sensor, drive: Signals, track: Track) -> str:
         f"{name}: none of its {len(sampled)} samples is used, although the clutch was "
         f"{sensor.mode} for {in_mode:.1f} s; it reads {most} at most: a wrong unit, or a dead "
         "sensor?"
+    )
+
+
+def _still(column: Column, drive: Signals, track: Track, vehicle: Vehicle) -> str:
+    """That a speed behind the clutch never changes though it would have slipped for long, with the
+    other speed changing; empty where it does, or the clutch did not."""
+    event = vehicle.machine.regimes.event
+    if not column.geared_by or not {column.name, column.geared_by} <= set(drive.available):
+        return ""
+    still, other = (drive[n].only_valid().value for n in (column.name, column.geared_by))
+    if np.ptp(still) > 0.0 or np.ptp(other) == 0.0 or event not in track.mode_names:
+        return ""
+    spent = np.diff(track.time, append=track.time[-1:])
+    slipping = float(spent[track.mode == track.mode_names.index(event)].sum())
+    if slipping < STILL_S:
+        return ""
+    return (
+        f"{column.name} does not change in {drive.end:.0f} s, in which the clutch would have been "
+        f"{event} for {slipping:.0f} s: a dead sensor?"
     )
 
 

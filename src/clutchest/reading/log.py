@@ -23,6 +23,7 @@ from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
 from clutchest.reading.table_drives import drives_of
 from clutchest.reading.table_formats import is_table, tables_in_words
+from clutchest.reading.table_units import check_bus_units
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
@@ -167,6 +168,7 @@ def _frames_drives(
             continue
         try:
             drives.append(signals_of(inside, vehicle, database, sources, traffic))
+            check_bus_units(drives[-1], vehicle, database)
         except NoMappedFrame as problem:
             unmapped.append(problem)
     warnings = [piece.warning for piece in group if piece.warning]

@@ -1,19 +1,22 @@
 """Whether the values of a column fit its unit; where they do not, which unit they fit.
 
-A table states no range as a DBC does, and a wrong unit gives wrong estimates without a sign of it.
+A table states no range as a DBC does, nor does a DBC always state a unit, and a wrong one gives
+wrong estimates without a sign of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
 from clutchest import units
+from clutchest.can.database import Database
 from clutchest.errors import ClutchestError
 from clutchest.models.symbols import Column
 from clutchest.models.thresholds import Thresholds
-from clutchest.signals import Floats, Signal
+from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
 FEWEST = 20  # samples by which a unit can be judged
@@ -33,9 +36,14 @@ _RATIO = 0.15  # by how much two speeds of one shaft may differ
 _LEVEL = 10.0  # times the change from sample to sample: a level, no noise about zero
 
 
-def check_units(signals: Mapping[str, Signal], stated: Mapping[str, str], vehicle: Vehicle) -> None:
+def check_units(
+    signals: Mapping[str, Signal],
+    stated: Mapping[str, str],
+    vehicle: Vehicle,
+    where: str = "column",
+) -> None:
     """Raises ClutchestError for the first of ``signals`` whose values cannot be in the unit
-    ``stated`` for them."""
+    ``stated`` for them, of the ``where`` that they are read from."""
     for name, signal in signals.items():
         column = vehicle.machine.column(name)
         value = signal.value[signal.valid]
@@ -45,10 +53,27 @@ def check_units(signals: Mapping[str, Signal], stated: Mapping[str, str], vehicl
             continue
         raise ClutchestError(
             f"{name} of {_range(value)} {column.unit}, expected {_expected(column, vehicle)}; "
-            f"its column is taken to be in {stated[name]}"
+            f"its {where} is taken to be in {stated[name]}"
             + _likely(value, stated[name], column, vehicle, signals)
         )
     _check_pairs(signals, stated, vehicle)
+
+
+def check_bus_units(signals: Signals, vehicle: Vehicle, database: Database) -> None:
+    """The same of signals of a bus whose ``database`` states no unit, so that the vehicle file's
+    could not be compared with it.  Those made of several, or of percentages, are not judged."""
+    stated = {}
+    for name, how in vehicle.signals.items():
+        made = how.gears or how.less or how.radius is not None or how.reference is not None
+        if name in signals and not made:
+            layout = database.message(how.bus.message).signal(how.bus.signal)
+            if not layout.unit:
+                stated[name] = how.bus.unit
+    try:
+        check_units(signals, stated, vehicle, "bus signal, of which the database states no unit,")
+    except ClutchestError as problem:
+        source = " ".join(Path(each).name for each in signals.sources)
+        raise ClutchestError(f"{source or vehicle.path.name}: {problem}") from None
 
 
 def _fits(value: Floats, column: Column, vehicle: Vehicle, signals: Mapping[str, Signal]) -> bool:
