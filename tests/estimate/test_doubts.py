@@ -157,10 +157,23 @@ def test_a_fault_is_no_heat_that_comes_back(effect):
     change = {"torque_gain": {"change": 0.3}, "friction_level": {"change": -0.5}}
     effects = {effect: change.get(effect, {"bias": -100.0})}
     drive = clutchest.simulate(truck, "city", 4, duration=120.0, effects=effects)
-    assert against_slip(drive, replay(drive, truck).tracks[0], truck) is None
+    assert against_slip(drive, truck) is None
 
 
 @pytest.mark.parametrize("scenario", ["city", "heating", "slip-steps", "ramps", "pulses"])
 def test_no_healthy_drive_has_another_ratio(scenario):
     truck = clutchest.load_vehicle("truck")
     assert at_another_ratio(clutchest.simulate(truck, scenario, 5, duration=120.0), truck) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "words"),
+    [("engine_torque", -1.0, "the sign of engine_torque"), ("input_shaft_speed", 1.05, "teeth")],
+)
+def test_a_fit_to_signals_that_cannot_be_right_says_so(drafted, name, factor, words):
+    """Of a torque of the wrong sign a draft's torque curve was fitted, a third of the true one."""
+    wrong = launch(**{name: lambda value: factor * value})
+    fit = clutchest.identify("torque-curve", wrong, drafted)
+    assert words in fit.warnings[0] and "no number of this fit counts" in fit.warnings[0]
+    right = clutchest.identify("torque-curve", launch(), drafted)
+    assert not any("counts" in warning for warning in right.warnings)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.estimate.run import Contradiction, Track
+from clutchest.estimate.run import Contradiction
+from clutchest.estimate.timeline import regimes
 from clutchest.models.regimes import average
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -15,26 +16,26 @@ LEAST_J = 1e3  # of heat given back
 TIMES = 3.0  # what is turned to heat
 
 
-def against_slip(drive: Signals, track: Track, vehicle: Vehicle) -> Contradiction | None:
+def against_slip(drive: Signals, vehicle: Vehicle) -> Contradiction | None:
     """That reported torque and slip have opposite signs, in all, while the clutch slips.
 
     The filter says so where it knows the clutch well.  Where a vehicle file is a draft, its
     parameters' spreads allow for anything, but not these signals: they need none of them but the
     inertia.
     """
-    machine, way = vehicle.machine, vehicle.machine.driving
+    rules, way = vehicle.machine.regimes, vehicle.machine.driving
     if way is None or not {way.torque, way.speed, way.other} <= set(drive.available):
         return None
     read = drive[way.speed].only_valid()
     time, speed = read.time, read.value
-    if len(time) < 2 or machine.regimes.event not in track.mode_names:
+    if len(time) < 2:
         return None
+    present = {name: drive[name].only_valid() for name in drive.available}
+    slipping = regimes(time, present, vehicle).mode == rules.modes.index(rules.event)
     calm = average(time, speed, SLOPE_S)
     inertia = vehicle.parameters[way.inertia].value
-    torque = drive[way.torque].only_valid().at(time) - inertia * np.gradient(calm, time)
-    slip = speed - drive[way.other].only_valid().at(time)
-    row = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
-    slipping = track.mode[row] == track.mode_names.index(machine.regimes.event)
+    torque = present[way.torque].at(time) - inertia * np.gradient(calm, time)
+    slip = speed - present[way.other].at(time)
     counts = slipping & (np.abs(torque) > LEAST * vehicle.parameters[way.largest].value)
     step = np.minimum(np.diff(time, append=time[-1:]), SLOPE_S)
     energy = np.where(counts, torque * slip * step, 0.0)

@@ -116,7 +116,7 @@ def _contradiction(
     found = explained(track.contradiction, track, part.drive, vehicle, progress)
     if found is not None and found.kind:
         return found
-    return at_another_ratio(drive, vehicle) or against_slip(drive, track, vehicle) or found
+    return at_another_ratio(drive, vehicle) or against_slip(drive, vehicle) or found
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:

@@ -72,8 +72,20 @@ def identify_vehicle(
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
     fit = _identified(name, signals, vehicle, progress, holdout, benches, refit)
-    warnings = (*fit.warnings, *_surprising(fit, vehicle))
+    warnings = (*_contradicting(signals, vehicle), *fit.warnings, *_surprising(fit, vehicle))
     return replace(fit, begun=signals.begun, before=vehicle, warnings=warnings)
+
+
+def _contradicting(signals: Signals, vehicle: Vehicle) -> Iterator[str]:
+    """Of drives whose signals cannot be right whatever the parameters are, in words."""
+    from clutchest.estimate.against_slip import against_slip
+    from clutchest.estimate.other_ratio import at_another_ratio
+    from clutchest.paths import names_of
+
+    for drive in signals.drives:
+        if found := at_another_ratio(drive, vehicle) or against_slip(drive, vehicle):
+            of = f"{names_of(drive.sources)}: " if drive.sources else ""
+            yield f"{of}{found.words}: {found.explanation}; no number of this fit counts"
 
 
 def _surprising(fit: Fit, vehicle: Vehicle) -> Iterator[str]:
