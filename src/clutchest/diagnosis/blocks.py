@@ -7,22 +7,23 @@ the sum of theirs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.innovations import NormalisedInnovations
+from clutchest.inference.later_gains import beginning_at, from_the_start
 from clutchest.inference.map_fit import most_probable, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import Objective
 from clutchest.inference.prepared_drive import Readings
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import Unknown
+from clutchest.inference.unknowns import Unknown, UnknownGain
 from clutchest.models.effects import Effect
 from clutchest.models.symbols import State
 from clutchest.progress import Progress
@@ -65,23 +66,57 @@ class Blocks:
         return next(i for i, t in enumerate(self.thetas) if str(t) == name)
 
 
+class PresentFault(NamedTuple):
+    """A fault in the equations: the gain ``index`` among the thetas, from ``onset`` s on (the
+    drive's start where 0), of a ``size``, in units, at which fits begin; where it ``grows``, as a
+    rate times the time since the drive's start does."""
+
+    index: int
+    size: float
+    onset: float = 0.0
+    grows: bool = False
+
+    def put_into(self, problem: Problem) -> Problem:
+        """The problem in which it acts from its onset on."""
+        if not self.onset:
+            return problem
+        return beginning_at(problem, self.index, self.onset, grows=self.grows)
+
+
+def problem_of(
+    signals: Signals,
+    vehicle: Vehicle,
+    effects: Sequence[Effect],
+    progress: Progress | None = None,
+) -> Problem:
+    """The unknowns of one drive, with the gains of ``effects`` among them."""
+    return with_fitted_gains(Problem.of(signals, vehicle, effects, progress, input_noise=False))
+
+
 def blocks_of(
     signals: Signals,
     vehicle: Vehicle,
     effects: Sequence[Effect],
     progress: Progress | None = None,
-    present: Mapping[int, float] = MappingProxyType({}),
 ) -> Blocks:
-    """The blocks of one drive, with the gains of ``effects`` among the unknowns.
+    """The blocks of one drive, with the gains of ``effects`` among the unknowns, all of which are 0
+    at the operating point."""
+    return blocks_at(problem_of(signals, vehicle, effects, progress), None, progress)
+
+
+def blocks_at(
+    problem: Problem, present: PresentFault | None, progress: Progress | None = None
+) -> Blocks:
+    """The blocks of the one drive of a ``problem``.
 
     The equations are linearised at the maximum a posteriori θ of the whole drive, and the
     innovations are extrapolated back to θ = 0, so that each block can be predicted from the blocks
-    before alone.  Gains are 0 at the operating point but for those ``present``: index among the
-    thetas → initial size, in units, of the fit.
+    before alone.  Gains are 0 at the operating point but for that of a fault that is ``present``.
     """
-    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, progress, input_noise=False))
+    if present:
+        problem = present.put_into(problem)
     readings, thetas = problem.drives[0].readings, problem.thetas
-    healthy = vehicle.machine.states, wander(vehicle, problem.compiled.model)
+    healthy = problem.vehicle.machine.states, wander(problem.vehicle, problem.compiled.model)
     if not len(readings.t):
         nothing = np.zeros(0)
         size = 1 + len(thetas)
@@ -90,15 +125,25 @@ def blocks_of(
     if progress:
         progress("linearising", None)
     start = problem.near.copy()
-    start[list(present)] = list(present.values())
+    if present:
+        start[present.index] = present.size
     objective, fit = settle(Objective.of(problem), start)
     if present:
-        free = np.append(problem.nuisances, list(present))
+        free = np.append(problem.nuisances, present.index)
         fit = most_probable(objective, free, fit.theta)
     fit = fit.as_point
     [rows] = objective.relinearise(fit, fit.theta).raw
-    at_zero = np.column_stack([rows.r - rows.psi @ fit.theta, rows.table[:, 1:]])
-    return _blocks(readings, healthy, thetas, replace(rows, table=at_zero))
+    table = np.column_stack([rows.r - rows.psi @ fit.theta, rows.table[:, 1:]])
+    if present and present.onset:  # healthy vehicles differ in that gain from the start on
+        thetas = (*thetas, thetas[present.index])
+        thetas = tuple(_exact(t) if i == present.index else t for i, t in enumerate(thetas))
+        table = np.column_stack([table, from_the_start(problem, fit, present.index)])
+    return _blocks(readings, healthy, thetas, replace(rows, table=table))
+
+
+def _exact(unknown: Unknown) -> Unknown:
+    """The same unknown, alike in all healthy vehicles."""
+    return replace(unknown, healthy=0.0) if isinstance(unknown, UnknownGain) else unknown
 
 
 def _blocks(

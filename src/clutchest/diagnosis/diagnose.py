@@ -181,7 +181,9 @@ def _model_alarm(
         progress,
     )
     detected = min(r.detected for r in failed if r.detected is not None)
-    began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
+    began = causes[0].began_s
+    if began is None:
+        began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
     chance = float(np.exp(-max(r.excess for r in failed)))
     possible = causes[: len(not_excluded(causes))]
     what = ", ".join(_with_meaning(cause, run.vehicle.machine) for cause in possible)
@@ -192,7 +194,7 @@ def _with_meaning(cause: Explanation, machine: Machine) -> str:
     """A cause with its size, and what that means where its effect has words for it."""
     words = f"{cause.fault} {cause.magnitude}"
     for fault in machine.faults:
-        if fault.name == cause.fault and fault.key in fault.effect.wording:
+        if fault.name == cause.fault and cause.determined and fault.key in fault.effect.wording:
             return f"{words} ({fault.effect.wording[fault.key].of(cause.size)})"
     return words
 

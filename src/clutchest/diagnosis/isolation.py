@@ -20,7 +20,10 @@ AROUND = 2  # blocks by which the onset may be off
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """A possible cause: its most probable ``size`` ± ``std``, from block ``onset`` on, and by how
-    much it fits worse than the best, in 2 Δ ln L (``behind``)."""
+    much it fits worse than the best, in 2 Δ ln L (``behind``).  Where residuals with its effect
+    taken out are ``left`` so many times as large as noise, which noise does not explain, its size
+    is not determined; its sign is that of what comes closest.  ``began_s``: its onset on the drive's
+    clock, where that is estimated to less than a block."""
 
     fault: str
     size: float
@@ -28,10 +31,29 @@ class Explanation:
     unit: str
     onset: int
     behind: float
+    left: float | None = None
+    began_s: float | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether it has a size."""
+        return self.left is None
+
+    @property
+    def why_not(self) -> str:
+        """Why its size is not determined; nothing where it is."""
+        if self.left is None:
+            return ""
+        return (
+            f"with its most probable size, residuals are still {self.left:.2g} times as large as "
+            "noise: the fault does not act as the equations say, or not alone"
+        )
 
     @property
     def magnitude(self) -> str:
-        """Its size with sign, standard deviation and unit."""
+        """Its size with sign, standard deviation and unit, or that it is not determined."""
+        if not self.determined:
+            return f"size not determined ({self.why_not})"
         sign = "+" if self.size > 0.0 else ""
         return sign + plus_minus(self.size, self.std, self.unit)
 

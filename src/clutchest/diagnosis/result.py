@@ -68,15 +68,25 @@ class Fault:
             "ended_s": self.ended_s,
             "confidence": self.confidence,
             "what": self.what,
-            "causes": [
-                {"fault": c.fault, "size": c.size, "std": c.std, "unit": c.unit, "behind": c.behind}
-                for c in self.causes
-            ],
+            "causes": [_of_cause(cause) for cause in self.causes],
             "freeze_frame": self.freeze_frame,
             "status_byte": self.status_byte,
             "spn": self.spn,
             "fmi": self.fmi,
         }
+
+
+def _of_cause(cause: Explanation) -> dict[str, Any]:
+    """As ``diagnosis.json`` holds it: no size where none is determined, but why."""
+    known = cause.determined
+    return {
+        "fault": cause.fault,
+        "size": cause.size if known else None,
+        "std": cause.std if known else None,
+        "unit": cause.unit,
+        "behind": cause.behind,
+        "size_not_determined": cause.why_not or None,
+    }
 
 
 @dataclass(frozen=True, slots=True)

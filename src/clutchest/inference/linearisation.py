@@ -72,6 +72,7 @@ def modulated(
     modulation: Modulation,
 ) -> Floats:
     """Derivatives (K, a) by the ``active`` thetas (a), each acting as ``modulation`` says."""
+    drive = drive.with_later_gains(numbers.effects)
     shifts = _shifts(drive, numbers)
     inputs = _inputs(drive, numbers, at, _late(drive, shifts), shifts)
     into = Derivatives.of(drive, len(active))
@@ -89,7 +90,9 @@ def _linearised(
     *,
     frozen: bool,
 ) -> LinearResponse:
+    drive = drive.with_later_gains(numbers.effects)
     varying = {d.theta: d.size / d.reach for d in drive.delayed if np.ndim(d.size)}
+    varying |= {each.theta: each.acts for each in drive.later}
     basis = np.column_stack([*varying.values(), np.zeros((len(drive.line.t), 0))])
     columns = [list(varying).index(k) if k in varying else -1 for k in active]
     modulation = Modulation(basis, np.array(columns, np.int64))

@@ -143,6 +143,16 @@ class DelayedSignal:
     reach: float
 
 
+@dataclass(frozen=True, slots=True)
+class LaterGain:
+    """A gain, ``row`` of the effects' numbers and the compiled model's ``theta``, that acts by a
+    share ``acts`` (events): 0 before it begins."""
+
+    row: int
+    theta: int
+    acts: Floats
+
+
 def constant(events: int) -> Varying:
     """Numbers none of which varies, for so many events."""
     return Varying(np.zeros(0, np.int64), np.zeros((events, 0)))
@@ -166,7 +176,8 @@ class PreparedDrive:
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
     the vehicle file's numbers, from which linearisations at any others begin; ``varying``: numbers
-    of effects that are others at every event; ``runs`` and ``paths``: the last ones of this drive.
+    of effects that are others at every event; ``later``: gains that begin within the drive; ``runs``
+    and ``paths``: the last ones of this drive.
     """
 
     compiled: Compiled
@@ -182,6 +193,7 @@ class PreparedDrive:
     readings: Readings
     at_nominal: OperatingPoint
     varying: Varying
+    later: Sequence[LaterGain] = ()
     runs: LastRuns = field(default_factory=LastRuns, init=False, repr=False, compare=False)
     paths: LastPaths = field(default_factory=LastPaths, init=False, repr=False, compare=False)
 
@@ -203,7 +215,17 @@ class PreparedDrive:
             gains=FrozenGains(self.gains.gain[:count], self.gains.variance[:count]),
             at_nominal=self.at_nominal.first(count),
             varying=self.varying._replace(value=self.varying.value[:count]),
+            later=[replace(each, acts=each.acts[:count]) for each in self.later],
         )
+
+    def with_later_gains(self, effects: Floats) -> PreparedDrive:
+        """The same drive whose :attr:`later` gains vary along it, those of these numbers of
+        ``effects`` (ng)."""
+        if not self.later:
+            return self
+        which = np.array([*self.varying.which, *(each.row for each in self.later)], np.int64)
+        values = [self.varying.value, *(effects[e.row] * e.acts for e in self.later)]
+        return replace(self, varying=Varying(which, np.column_stack(values)))
 
     def only(self, keep: NDArray[np.bool_]) -> PreparedDrive:
         """The same drive of which these readings (K) alone count."""

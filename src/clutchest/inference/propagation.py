@@ -108,7 +108,7 @@ class Propagation(NamedTuple):
         rows = self._rows[-1] + 1 if self.frozen and known is None else 0
         path = Path(known.rows if known else np.zeros((rows, n)), known is not None)
         every = np.arange(len(self.drive.readings.event))
-        start = self._start(responses.active)
+        start = self._start(responses)
         done = self._piece(_Piece(slice(None), every, start, path), responses)
         followed = known or StatePath(path.x, done.x)
         if rows and np.any(self._at_once > 1):  # else they take a tenth of the time
@@ -123,7 +123,7 @@ class Propagation(NamedTuple):
         early = _Piece(
             slice(None, middle),
             np.where(later, -1, np.arange(len(later))),
-            start := self._start(active),
+            start := self._start(responses),
             Path(known.rows, known=True),
         )
         # responses from nothing on, and those to the states in the middle
@@ -166,13 +166,18 @@ class Propagation(NamedTuple):
         steps = np.ceil(np.diff(line.t, prepend=line.t[0]) / line.longest[line.row])
         return np.cumsum(1 + np.ceil(steps / self._at_once[line.row]).astype(np.int64)) - 1
 
-    def _start(self, active: NDArray[np.int64]) -> Start:
+    def _start(self, responses: _Responses) -> Start:
         """Where the drive begins."""
         drive, (p, g, first, _) = self.drive, self.numbers
+        active, (basis, column), _ = responses
+        g = g.copy()
+        g[[each.row for each in drive.later]] = 0.0  # none of them has begun
         x, S = np.zeros(len(first)), np.zeros((len(first), len(drive.compiled.thetas)))
         drive.compiled.functions.initial(first, p, g, x, S)
         x = np.where(drive.tracked.which, drive.start.x, x)
-        return Start(x, x.copy(), drive.start.P.copy(), S[:, active].copy())
+        S = S[:, active]
+        S[:, column >= 0] *= basis[0, column[column >= 0]]
+        return Start(x, x.copy(), drive.start.P.copy(), S)
 
     def _piece(self, piece: _Piece, responses: _Responses) -> Sensitivities:
         """Its start is moved to its end; the first event only leads to the others where it is not
