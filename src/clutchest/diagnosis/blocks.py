@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +65,8 @@ class Blocks:
         return next(i for i, t in enumerate(self.thetas) if str(t) == name)
 
 
-class PresentFault(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PresentFault:
     """A fault in the equations: the gain ``index`` among the thetas, from ``onset`` s on (the
     drive's start where 0), of a ``size``, in units, at which fits begin; where it ``grows``, as a
     rate times the time since the drive's start does."""

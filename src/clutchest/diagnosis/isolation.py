@@ -22,8 +22,8 @@ class Explanation:
     """A possible cause: its most probable ``size`` ± ``std``, from block ``onset`` on, and by how
     much it fits worse than the best, in 2 Δ ln L (``behind``).  Where residuals with its effect
     taken out are ``left`` so many times as large as noise, which noise does not explain, its size
-    is not determined; its sign is that of what comes closest.  ``began_s``: its onset on the drive's
-    clock, where that is estimated to less than a block."""
+    is not determined; its sign is that of what comes closest.  ``began_s``: its onset, s since
+    the drive's start, where that is estimated within a block."""
 
     fault: str
     size: float

@@ -14,8 +14,7 @@ is left is still far from noise, its size is not determined.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,8 @@ STRONG = 5.0  # standard deviations; of a weaker fault the first-order size is w
 PARTS = 16  # of a time, in each of which an onset is tried with the derivatives of the best so far
 
 
-class _Fit(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Fit:
     """Size and standard deviation, in units, of a fault; the ``improvement`` of the fit, 2 Δ ln L;
     and over the blocks since its onset, ``left`` (the mean square of residuals with its effect
     taken out) of ``count`` readings."""

@@ -176,8 +176,8 @@ class PreparedDrive:
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
     the vehicle file's numbers, from which linearisations at any others begin; ``varying``: numbers
-    of effects that are others at every event; ``later``: gains that begin within the drive; ``runs``
-    and ``paths``: the last ones of this drive.
+    of effects that are others at every event; ``later``: gains that begin within the drive;
+    ``runs`` and ``paths``: the last ones of this drive.
     """
 
     compiled: Compiled
