@@ -97,13 +97,15 @@ def _refitted(
     later = _fit(blocks, h, cause.onset).improvement if cause.onset else -np.inf
     if always.improvement > later - NOT_EXCLUDED:
         cause, fit = _sized(cause, h, always), always
-    if _noise(results, fit) or h.only_from_start:
+        if _noise(results, fit):
+            return cause, fit
+    if h.only_from_start:
         return cause, fit
     begun = _begun(problem, results, h, cause)
     blocks = blocks_at(problem, begun, progress)
     onset = int(np.searchsorted(blocks.end, begun.onset))
     since = _fit(blocks, h, 0, onset)  # before its onset, derivatives by it are 0
-    if since.left > fit.left:
+    if not _noise(results, since) and since.left > fit.left:
         return cause, fit
     return replace(_sized(cause, h, since), onset=onset, began_s=begun.onset), since
 
@@ -149,9 +151,9 @@ def _begun(
     def at(onset: float) -> Objective:
         return Objective.of(PresentFault(h.index, 0.0, onset, grows).put_into(problem))
 
-    def fitted(onset: float) -> tuple[float, Linearisation]:
+    def fitted(onset: float, near: Floats = problem.near) -> tuple[float, Linearisation]:
         objective = at(onset)
-        begin = brought_near(objective, objective.linearise_at(problem.near, active=free), free)
+        begin = brought_near(objective, objective.linearise_at(near, active=free), free)
         return onset, improve(objective, begin, free, derivatives=False)
 
     known = sorted((fitted(float(onset)) for onset in onsets), key=lambda each: each[1].cost)
@@ -164,7 +166,8 @@ def _begun(
         lin = at(onset).relinearise(lin, lin.theta, active=free)
         onsets = np.linspace(low, high, PARTS + 1)
         costs = [_nearly(at(float(each)), lin, free) for each in onsets]
-        known = sorted((*known, fitted(float(onsets[np.argmin(costs)]))), key=lambda e: e[1].cost)
+        likely = fitted(float(onsets[np.argmin(costs)]), lin.theta)
+        known = sorted((*known, likely), key=lambda each: each[1].cost)
     onset, lin = known[0]
     return PresentFault(h.index, float(lin.theta[h.index]), onset, grows)
 
