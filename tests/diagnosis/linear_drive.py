@@ -43,5 +43,6 @@ def linear_drive(
     r = r - size * psi[:, 3] * (of >= onset)  # innovations fall as the number grows
     rows = np.column_stack([r, psi])
     gram = np.array([rows[of == k].T @ rows[of == k] for k in range(blocks)])
-    drive = Blocks(STATES, (), thetas, begin, begin + 1.0, np.full(blocks, per_block), gram)
+    count, near = np.full(blocks, per_block), np.ones(blocks)
+    drive = Blocks(STATES, (), thetas, begin, begin + 1.0, count, near, gram)
     return drive, rows, covariance, of

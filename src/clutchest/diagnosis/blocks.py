@@ -18,7 +18,7 @@ from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.later_gains import beginning_at, from_the_start
 from clutchest.inference.map_fit import most_probable, settle
-from clutchest.inference.noise_model import NoiseModel
+from clutchest.inference.noise_model import NoiseModel, median_std
 from clutchest.inference.objective import Objective
 from clutchest.inference.prepared_drive import Readings
 from clutchest.inference.problem import Problem
@@ -41,8 +41,9 @@ class Blocks:
 
     ``states`` of the machine, whose initial values are among the ``thetas`` (m), and how far they
     ``wander`` in a healthy vehicle, where they do; ``begin``, ``end`` s (B); ``count`` of readings
-    (B); ``gram`` (B, 1 + m, 1 + m) of the whitened innovations at θ = 0 and their derivatives by
-    each of the thetas in its unit.
+    (B); ``off`` (B): how far innovations at the operating point are off in the median, in standard
+    deviations that the vehicle file states; ``gram`` (B, 1 + m, 1 + m) of the whitened innovations
+    at θ = 0 and their derivatives by each of the thetas in its unit.
     """
 
     states: tuple[State, ...]
@@ -51,6 +52,7 @@ class Blocks:
     begin: Floats
     end: Floats
     count: NDArray[np.int64]
+    off: Floats
     gram: Floats
 
     def __len__(self) -> int:
@@ -121,7 +123,7 @@ def blocks_at(
         nothing = np.zeros(0)
         size = 1 + len(thetas)
         gram = np.zeros((0, size, size))
-        return Blocks(*healthy, thetas, nothing, nothing, np.zeros(0, int), gram)
+        return Blocks(*healthy, thetas, nothing, nothing, np.zeros(0, int), nothing, gram)
     if progress:
         progress("linearising", None)
     start = problem.near.copy()
@@ -138,7 +140,7 @@ def blocks_at(
         thetas = (*thetas, thetas[present.index])
         thetas = tuple(_exact(t) if i == present.index else t for i, t in enumerate(thetas))
         table = np.column_stack([table, from_the_start(problem, fit, present.index)])
-    return _blocks(readings, healthy, thetas, replace(rows, table=table))
+    return _blocks(readings, healthy, thetas, replace(rows, table=table), rows.r)
 
 
 def _exact(unknown: Unknown) -> Unknown:
@@ -151,6 +153,7 @@ def _blocks(
     healthy: tuple[tuple[State, ...], tuple[Wander, ...]],
     thetas: tuple[Unknown, ...],
     rows: NormalisedInnovations,
+    at_fit: Floats,
 ) -> Blocks:
     which, stretches = block_index(readings.t), readings.stretches
     rest, level = _local_residuals(rows, which)
@@ -159,14 +162,15 @@ def _blocks(
     white = noise_model.whiten(stretches, rows.table) * inlier[:, None]
     order = np.argsort(which, kind="stable")
     edges = np.searchsorted(which[order], np.arange(which.max() + 2))
-    gram, begin, end = [], [], []
+    gram, begin, end, off = [], [], [], []
     for a, b in pairwise(edges.tolist()):
         own = order[a:b]
         gram.append(white[own].T @ white[own])
+        off.append(median_std(at_fit[own]))
         begin.append(readings.t[own].min())
         end.append(readings.t[own].max())
     times = np.array(begin), np.array(end)
-    return Blocks(*healthy, thetas, *times, np.diff(edges), np.array(gram))
+    return Blocks(*healthy, thetas, *times, np.diff(edges), np.array(off), np.array(gram))
 
 
 def block_index(t: Floats) -> NDArray[np.int64]:

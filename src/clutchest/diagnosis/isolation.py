@@ -46,7 +46,8 @@ class Explanation:
             return ""
         return (
             f"with its most probable size, residuals are still {self.left:.2g} times as large as "
-            "noise: the fault does not act as the equations say, or not alone"
+            "noise: it does not act as the equations say, or not alone, or the vehicle file states "
+            "too little noise"
         )
 
     @property

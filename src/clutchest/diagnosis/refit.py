@@ -5,10 +5,8 @@ fault has biased.  A strong fault is not proportional to its derivative there: a
 transmits less torque, stays cooler, and fades less.  So the most probable faults are put into the
 equations, fitted together with all nuisances, and their sizes estimated by derivatives there.
 
-A fault that begins later is measured against the same vehicle before, and the first order does.
-Where it does not, a chi-square test of what is left with the fault's estimated effect taken out
-says so: then that fault, too, is put into the equations, from its likeliest onset on.  Where what
-is left is still far from noise, its size is not determined.
+One that begins within the drive acts in the equations from its likeliest onset on.  Where what is
+left with its effect taken out is far from noise all the same, its size is not determined.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ from clutchest.diagnosis.fault_tests import FaultTestResults, surprise
 from clutchest.diagnosis.isolation import AROUND, Explanation, FaultHypothesis, hypotheses
 from clutchest.diagnosis.recursive_residuals import onset_scores, recursive_residuals
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import brought_near, improve, step
+from clutchest.inference.map_fit import NEAR, brought_near, improve, step
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import NOT_EXCLUDED
@@ -40,15 +38,31 @@ PARTS = 16  # of a time, in each of which an onset is tried with the derivatives
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Size and standard deviation, in units, of a fault; the ``improvement`` of the fit, 2 Δ ln L;
-    and over the blocks since its onset, ``left`` (the mean square of residuals with its effect
-    taken out) of ``count`` readings."""
+    """Size and standard deviation, in units, of a fault; the ``improvement`` of the fit, 2 Δ ln L.
+
+    Over the blocks since its onset: ``left``, the mean square of residuals with its effect taken
+    out, of ``count`` readings, where 1 is noise as the drive shows it; and how far these are
+    ``off`` at the operating point, in standard deviations that the vehicle file states.
+    """
 
     size: float
     std: float
     improvement: float
     left: float
     count: int
+    off: float
+
+    def is_noise(self, results: FaultTestResults) -> bool:
+        """Whether what is left may be noise: by the test of a block's misfit, over all blocks
+        since, and near enough to what is stated.  Noise as the drive shows it holds what comes
+        slowly, whatever its size."""
+        ratio = np.array([self.left / results.noise_model.level**2])
+        likely = surprise(ratio, np.array([self.count]))[0] < results.misfit_at
+        return bool(likely and self.off**2 < NEAR)
+
+    def times_noise(self, results: FaultTestResults) -> float:
+        """How many times as large as noise what is left is."""
+        return max(float(np.sqrt(max(self.left, 0.0))) / results.noise_model.level, self.off)
 
 
 def refitted(
@@ -59,11 +73,9 @@ def refitted(
     causes: Sequence[Explanation],
     progress: Progress | None = None,
 ) -> tuple[Explanation, ...]:
-    """``causes`` with the sizes of those that are not excluded.
-
-    Refitted are those of strong faults that were present from the start, as far as that explains
-    the drive as well as a later onset, and of those whose first-order effect leaves more than
-    noise.
+    """``causes`` with the refitted sizes of those that are not excluded, and strong or leave more
+    than noise; they are present from the start as far as that explains the drive as well as a later
+    onset.  What none of that explains has no size.
     """
     known = {h.name: h for h in hypotheses(results)}
     problem: Problem | None = None
@@ -72,11 +84,11 @@ def refitted(
         if cause.behind < NOT_EXCLUDED:
             h = known[cause.fault]
             fit = _fit(results.blocks, h, cause.onset)
-            if abs(cause.size) > STRONG * cause.std or not _noise(results, fit):
+            if abs(cause.size) > STRONG * cause.std or not fit.is_noise(results):
                 problem = problem or problem_of(signals, vehicle, effects, progress)
                 cause, fit = _refitted(problem, results, h, cause, fit, progress)
-            if not _noise(results, fit):
-                cause = replace(cause, left=float(np.sqrt(fit.left) / results.noise_model.level))
+            if not fit.is_noise(results):
+                cause = replace(cause, left=fit.times_noise(results))
         refits.append(cause)
     return tuple(refits)
 
@@ -97,7 +109,7 @@ def _refitted(
     later = _fit(blocks, h, cause.onset).improvement if cause.onset else -np.inf
     if always.improvement > later - NOT_EXCLUDED:
         cause, fit = _sized(cause, h, always), always
-        if _noise(results, fit):
+        if fit.is_noise(results):
             return cause, fit
     if h.only_from_start:
         return cause, fit
@@ -105,7 +117,7 @@ def _refitted(
     blocks = blocks_at(problem, begun, progress)
     onset = int(np.searchsorted(blocks.end, begun.onset))
     since = _fit(blocks, h, 0, onset)  # before its onset, derivatives by it are 0
-    if not _noise(results, since) and since.left > fit.left:
+    if not since.is_noise(results) and since.times_noise(results) > fit.times_noise(results):
         return cause, fit
     return replace(_sized(cause, h, since), onset=onset, began_s=begun.onset), since
 
@@ -128,13 +140,8 @@ def _fit(blocks: Blocks, h: FaultHypothesis, onset: int, first: int | None = Non
     since = slice(onset if first is None else first, None)
     count = int(residuals.count[since].sum())
     square = float(residuals.chi_square[since].sum()) - improvement
-    return _Fit(size, std, improvement, square / max(count, 1), count)
-
-
-def _noise(results: FaultTestResults, fit: _Fit) -> bool:
-    """Whether what is left may be noise: by the test of a block's misfit, over all blocks since."""
-    ratio = np.array([fit.left / results.noise_model.level**2])
-    return bool(surprise(ratio, np.array([fit.count]))[0] < results.misfit_at)
+    off = float(np.median(blocks.off[since]))
+    return _Fit(size, std, improvement, square / max(count, 1), count, off)
 
 
 def _begun(

@@ -19,7 +19,7 @@ from clutchest.can import activity
 from clutchest.can.database import Database
 from clutchest.can.dm1 import Code
 from clutchest.can.frames import Frames
-from clutchest.diagnosis.codes import number_of, number_of_set
+from clutchest.diagnosis.codes import number_of
 from clutchest.diagnosis.streams import StreamTests
 from clutchest.errors import ClutchestError
 from clutchest.monitor.worker import Worker
@@ -151,11 +151,8 @@ class LiveFaultTests:
     @property
     def codes(self) -> list[Code]:
         """Trouble codes of the active faults, for a DM1; a set has no component's code."""
-        codes = []
-        for change in self.active.values():
-            size = change.data.get("size", 0.0)
-            codes.append(Code(*number_of_set(change.set, self.vehicle, size)))
-        return list(dict.fromkeys(codes))
+        stated = [change.data for change in self.active.values()]
+        return list(dict.fromkeys(Code(each["spn"], each["fmi"]) for each in stated))
 
     def _stream_changes(self) -> list[FaultChange]:
         changes = []
