@@ -147,10 +147,12 @@ def _fit(blocks: Blocks, h: FaultHypothesis, onset: int, first: int | None = Non
 def _begun(
     problem: Problem, results: FaultTestResults, h: FaultHypothesis, cause: Explanation
 ) -> PresentFault:
-    """A fault in the equations from its likeliest onset on, close to the ``cause``'s block, and its
-    size there, both in noise of the stated level: what is far off would pass for noise else."""
+    """A fault in the equations from its likeliest onset on, close to the ``cause``'s block, whose
+    begin it is unless the data exclude that; and its size there.  Both are of noise of the stated
+    level: what is far off would pass for noise else."""
     grows = any(r.fault.grows_as for r in results.faults if r.fault.name == h.name)
     begin, last = results.blocks.begin, len(results.blocks) - 1
+    own = np.clip(cause.onset, min(1, last), last)
     some = np.arange(cause.onset - AROUND, cause.onset + AROUND + 1)
     onsets = begin[np.unique(np.clip(some, min(1, last), last))]
     free = np.append(problem.nuisances, h.index)
@@ -160,12 +162,15 @@ def _begun(
 
     def fitted(onset: float, near: Floats = problem.near) -> tuple[float, Linearisation]:
         objective = at(onset)
-        begin = brought_near(objective, objective.linearise_at(near, active=free), free)
-        return onset, improve(objective, begin, free, derivatives=False)
+        start = brought_near(objective, objective.linearise_at(near, active=free), free)
+        return onset, improve(objective, start, free, derivatives=False)
 
-    known = sorted((fitted(float(onset)) for onset in onsets), key=lambda each: each[1].cost)
-    while len(onsets) > 1:
-        onset, lin = known[0]
+    onset, lin = fitted(float(begin[own]))
+    found = [fitted(float(each)) for each in onsets[onsets != onset]]
+    while True:
+        likely = min(found, key=lambda each: each[1].cost, default=(onset, lin))
+        if likely[1].cost + NOT_EXCLUDED < lin.cost:
+            onset, lin = likely
         place = int(np.argmin(np.abs(onsets - onset)))
         low, high = onsets[max(place - 1, 0)], onsets[min(place + 1, len(onsets) - 1)]
         if high - low < _period(problem.drives[0].readings.t):
@@ -173,9 +178,7 @@ def _begun(
         lin = at(onset).relinearise(lin, lin.theta, active=free)
         onsets = np.linspace(low, high, PARTS + 1)
         costs = [_nearly(at(float(each)), lin, free) for each in onsets]
-        likely = fitted(float(onsets[np.argmin(costs)]), lin.theta)
-        known = sorted((*known, likely), key=lambda each: each[1].cost)
-    onset, lin = known[0]
+        found = [fitted(float(onsets[np.argmin(costs)]), lin.theta)]
     return PresentFault(h.index, float(lin.theta[h.index]), onset, grows)
 
 
