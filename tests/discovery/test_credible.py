@@ -10,6 +10,7 @@ import pytest
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.estimate.credible import require_credible
+from mended_signals import mended
 
 
 @pytest.fixture(scope="module")
@@ -17,23 +18,16 @@ def rig_drive():
     return clutchest.simulate("alsd_rig", "rig-steps", 3, duration=12.0)
 
 
-def mended(drive, name, what):
-    signal = drive[name]
-    return replace(
-        drive, signals={**drive.signals, name: replace(signal, value=what(signal.value))}
-    )
-
-
 def test_a_current_in_mA_is_refused(rig_drive):
     """It ended in a traceback, and a torque in Nmm in "the model explains these data"."""
-    wrong = mended(rig_drive, "armature_current", lambda i: 1e3 * i)
+    wrong = mended(rig_drive, armature_current=lambda i: 1e3 * i)
     with pytest.raises(ClutchestError, match=r"discover: signals and .* 1000 times too large"):
         clutchest.discover(wrong, "alsd_rig")
 
 
 def test_the_drive_is_named_where_there_are_several(rig_drive):
     rig = clutchest.load_vehicle("alsd_rig")
-    wrong = mended(rig_drive, "motor_angle", np.degrees)
+    wrong = mended(rig_drive, motor_angle=np.degrees)
     with pytest.raises(ClutchestError, match=r"signals of drive 1 and .* motor_angle is 180/π tim"):
         require_credible(replace(rig_drive, later=(wrong,)), rig, "discover")
 

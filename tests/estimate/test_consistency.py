@@ -21,6 +21,7 @@ from clutchest.estimate.run import Estimate, Innovations
 from clutchest.record.report import markdown
 from clutchest.record.terminal import print_run
 from clutchest.signals import Signal
+from mended_signals import mended
 
 GOOD = 0.7  # |z| of the innovations of a right model
 
@@ -33,15 +34,6 @@ def demo():
 @pytest.fixture(scope="module")
 def healthy(demo):
     return replay(demo, "truck")
-
-
-def mended(signals, **changes):
-    """The drive with some of its signals changed, each by a function of its values."""
-    new = {
-        name: replace(signals[name], value=change(signals[name].value))
-        for name, change in changes.items()
-    }
-    return replace(signals, signals={**signals.signals, **new})
 
 
 def printed(run):

@@ -14,6 +14,7 @@ from clutchest.estimate.other_ratio import at_another_ratio
 from clutchest.estimate.replay import replay
 from clutchest.reading.drafting import guessed_parameters
 from clutchest.signals import Signal, Why
+from mended_signals import mended
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +23,7 @@ def rig_drive():
 
 
 def scaled(drive, name, factor):
-    signal = drive[name]
-    return replace(
-        drive, signals={**drive.signals, name: replace(signal, value=factor * signal.value)}
-    )
+    return mended(drive, **{name: lambda value: factor * value})
 
 
 @pytest.mark.parametrize(("log", "vehicle"), [("alsd", "alsd_rig"), ("demo", "truck")])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
@@ -204,7 +204,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, verdict.instead, peaks)
     outcome, where = task.with_disagreement(outcome, distorted(left) if doubted else where)
     excited = any(each.excited for each in identifiable)
-    above = loud(after, search.objective) if outcome.name == "none" else {}
+    above = loud(after, search.objective)
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
@@ -223,7 +223,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         extended=extended,
         curve=curve,
         counts=sum((drive.counts for drive in task.signals.drives), Counts()),
-        warnings=_warnings(task, verdict, outcome, causes, refused, after, fit_extended),
+        warnings=_warnings(task, verdict, outcome, causes, refused, above, after, fit_extended),
         provenance=_provenance(task, problem),
         hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
         strongest=strongest_of(outcome.errors, peaks) if where is None or where.distorted else None,
@@ -236,16 +236,18 @@ def _warnings(
     outcome: Outcome,
     causes: Sequence[Cause],
     refused: Sequence[str],
+    above: Mapping[str, float],
     after: Linearisation,
     fit_extended: GoodnessOfFit | None,
 ) -> tuple[str, ...]:
-    """What is to be said beside the answer; ``after``: the fit with the causes that are named."""
+    """What is to be said beside the answer; ``after``: the fit with the causes that are named,
+    whose residuals are so far ``above`` the noise, as :func:`loud` has it."""
     search, machine = verdict.search, task.vehicle.machine
     return (
         *_untested(task, search, verdict.best),
         *map(not_confirmed, verdict.dropped),
         *outcome.warnings,
-        *implausible_residuals(loud(after, search.objective), machine.sensors),
+        *implausible_residuals(above, machine.sensors),
         *([] if machine.template else too_long(search.problem, after)),
         *(words for c in causes for words in implausible(c, task.effects)),
         *refused,

@@ -135,7 +135,7 @@ def _sizes(cause: CandidateCause, z: float) -> tuple[float, ...]:
 def loud(fit: Linearisation, objective: Objective) -> dict[str, float]:
     """Sensor → its rms innovation at a fit, of its stated noise, where that is ``LOUD`` or more
     without what noise of the inputs and discrepancies most probably did: both are stated, too."""
-    at = objective.linearise_at(fit.theta, fit.shapes, np.zeros(0, np.int64))
+    at = objective.linearise_at(fit.theta, fit.shapes, NO_DERIVATIVES)
     drives = objective.problem.drives
     sensor = np.concatenate([drive.readings.sensor for drive in drives])
     r = np.concatenate([innovations.r for innovations in objective.less_scatter(at)])

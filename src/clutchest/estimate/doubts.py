@@ -61,8 +61,7 @@ def _unread(sensor: Sensor, drive: Signals, track: Track) -> str:
     if not sensor.mode or name not in drive or len(track.innovations.of(sensor.name)[0]):
         return ""
     sampled = drive[name].only_valid()
-    spent = np.diff(track.time, append=track.time[-1:])
-    in_mode = float(spent[track.mode == track.mode_names.index(sensor.mode)].sum())
+    in_mode = _time_in(sensor.mode, track)
     if in_mode < LONG_S or not len(sampled):
         return ""
     most = with_unit(f"{np.abs(sampled.value).max():.3g}", sensor.unit)
@@ -82,14 +81,19 @@ def _still(column: Column, drive: Signals, track: Track, vehicle: Vehicle) -> st
     still, other = (drive[n].only_valid().value for n in (column.name, column.geared_by))
     if np.ptp(still) > 0.0 or np.ptp(other) == 0.0 or event not in track.mode_names:
         return ""
-    spent = np.diff(track.time, append=track.time[-1:])
-    slipping = float(spent[track.mode == track.mode_names.index(event)].sum())
+    slipping = _time_in(event, track)
     if slipping < STILL_S:
         return ""
     return (
         f"{column.name} does not change in {drive.end:.0f} s, in which the clutch would have been "
         f"{event} for {slipping:.0f} s: a dead sensor?"
     )
+
+
+def _time_in(mode: str, track: Track) -> float:
+    """How long a drive was in a mode, s."""
+    spent = np.diff(track.time, append=track.time[-1:])
+    return float(spent[track.mode == track.mode_names.index(mode)].sum())
 
 
 def _far(state: State, std: float, track: Track, vehicle: Vehicle) -> str:
