@@ -296,6 +296,11 @@ class Signals(Showing, Mapping[str, Signal]):
         """Names of the signals with a valid sample in this drive."""
         return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
 
+    @property
+    def available_throughout(self) -> frozenset[str]:
+        """Names of the signals with a valid sample in every drive."""
+        return frozenset.intersection(*(drive.available for drive in self.drives))
+
     @checked
     def between(self, start: float = -np.inf, end: float = np.inf) -> Signals:
         """The samples of this drive alone from ``start`` s on, before ``end`` s, at the times that

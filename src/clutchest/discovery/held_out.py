@@ -16,7 +16,7 @@ def with_signals_of(
 ) -> tuple[Signals, ...]:
     """The held-out drives with the signals of the log, no others.  Raises ClutchestError where one
     is a drive of the log, or lacks such a signal that its equations would be others."""
-    used = frozenset.intersection(*(drive.available for drive in signals.drives))
+    used = signals.available_throughout
     for drive in other:
         name = names_of([drive]) or "a held-out drive"
         if any(drive.has_samples_of(own) for own in signals.drives):

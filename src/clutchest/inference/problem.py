@@ -95,7 +95,7 @@ class Problem:
         states, effects and equations of a healthy vehicle may be off by is allowed for, and no
         number is off by more than :data:`FURTHEST`.  Without ``input_noise``, what this does is
         not known yet."""
-        drives, usable = signals.drives, _usable(signals)
+        drives, usable = signals.drives, signals.available_throughout
         model = _counting_in_full(vehicle.machine.to_fit(usable))
         present = model.taking(present_effects(vehicle))
         parts = unmodelled(vehicle) if discrepant else {}
@@ -353,11 +353,6 @@ def in_std(table: Floats, unit: Floats, std: Floats) -> None:
     for k in range(len(table)):
         for c in range(table.shape[1]):
             table[k, c] = table[k, c] / std[k] * unit[c]
-
-
-def _usable(signals: Signals) -> frozenset[str]:
-    """The signals that every drive has."""
-    return frozenset.intersection(*(drive.available for drive in signals.drives))
 
 
 def _counting_in_full(model: Model) -> Model:
