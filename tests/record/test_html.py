@@ -19,6 +19,7 @@ from clutchest.fleet.fleet import Fleet, FleetVehicle
 from clutchest.fleet.report import fleet_page
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.models.error_curve import ErrorCurve
+from clutchest.record.discovery import pictures_of
 from clutchest.record.error_curve import error_curve_words
 from clutchest.record.html import page
 from clutchest.record.html_reports import PANELS, diagnosis_page, discovery_page, fit_page, run_page
@@ -92,10 +93,14 @@ def test_a_diagnosis(healthy: clutchest.Diagnosis) -> None:
         assert f">{monitor.name}</td>" in text
 
 
+def html_of(found: clutchest.Discovery) -> str:
+    return discovery_page(found, pictures_of(found))
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_a_discovery(verdict: str) -> None:
     found = discovery(verdict)
-    text = discovery_page(found)
+    text = html_of(found)
     assert read(text).images
     assert "Detection limits" in text and "detected in half of all cases" in text
     assert found.identifiability[0].effect in text
@@ -106,8 +111,8 @@ def test_the_curve_of_an_unknown_error_is_in_physical_units() -> None:
     curve = ErrorCurve("sensor:engine_torque", "engine_speed", (60.0, 120.0), (0.0, 0.2), ())
     term = found.vehicle.machine.error_terms[curve.error_term]
     extended = replace(found.extended, curves={"curve_1": curve})
-    before = len(read(discovery_page(replace(found, curve=None))).images)
-    text = discovery_page(replace(found, extended=extended, curve="curve_1"))
+    before = len(read(html_of(replace(found, curve=None))).images)
+    text = html_of(replace(found, extended=extended, curve="curve_1"))
     assert len(read(text).images) == before + 1
     words = re.search(r"The engine torque reads (\S+) (\S+) high at (\S+) rpm", text)
     assert words is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from clutchest import __version__
 from clutchest.discovery.result import Discovery
@@ -14,7 +15,11 @@ from clutchest.record.html_reports import discovery_page
 from clutchest.vehicle import dump_vehicle
 from clutchest.vehicle.trust import trust_written
 
-NAME, PICTURE, FORMS = "extended.toml", "misfit.png", "form.png"
+if TYPE_CHECKING:
+    from clutchest.pictures import Picture
+
+NAME = "extended.toml"
+FILES = {"misfit": "misfit.png", "forms": "form.png"}  # of pictures beside report.md
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
@@ -28,35 +33,40 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
     with finished_into(out) as folder:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
         dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
-        misfit, forms = _draw(discovery, folder)
-        (folder / "report.md").write_text(
-            readable(report(discovery, misfit, forms)), encoding="utf-8"
-        )
-        (folder / REPORT).write_text(readable(discovery_page(discovery)), encoding="utf-8")
+        pictures = pictures_of(discovery)
+        files = {name: file for name, file in FILES.items() if name in pictures}
+        for name, file in files.items():
+            (folder / file).write_bytes(pictures[name]._repr_png_())
+        text = report(discovery, files.get("misfit"), files.get("forms"))
+        (folder / "report.md").write_text(readable(text), encoding="utf-8")
+        html = discovery_page(discovery, pictures)
+        (folder / REPORT).write_text(readable(html), encoding="utf-8")
         if installed("rerun"):
             from clutchest.record.discovery_recording import write_discovery_recording
 
             write_discovery_recording(discovery, folder / "recording.rrd")
         names = sorted(path.name for path in folder.iterdir())
-    if forms is None:  # that of an earlier run would not belong to the report beside it
-        (out / FORMS).unlink(missing_ok=True)
+    for file in FILES.values():  # one of an earlier run would not belong to the report beside it
+        if file not in names:
+            (out / file).unlink(missing_ok=True)
     trust_written(discovery.extended, out / NAME)
     return [out / name for name in names]
 
 
-def _draw(discovery: Discovery, folder: Path) -> tuple[str | None, str | None]:
-    """The names of the pictures that were drawn: of the misfit, and of the causes' forms."""
+def pictures_of(discovery: Discovery) -> dict[str, Picture]:
+    """Those that there are, by name: the ``misfit``, the ``forms`` of the causes, and the ``curve``
+    of an error that has no name."""
     if not installed("matplotlib"):
-        return None, None
-    from clutchest.pictures import DOTS_PER_INCH
+        return {}
+    from clutchest.record.error_curve_picture import draw_error_curve
     from clutchest.record.form_picture import draw_forms
 
-    discovery.plot().savefig(folder / PICTURE, dpi=DOTS_PER_INCH)
-    forms = draw_forms(discovery)
-    if forms is None:
-        return PICTURE, None
-    forms.savefig(folder / FORMS, dpi=DOTS_PER_INCH)
-    return PICTURE, FORMS
+    drawn = {
+        "misfit": discovery.plot(),
+        "forms": draw_forms(discovery),
+        "curve": draw_error_curve(discovery),
+    }
+    return {name: picture for name, picture in drawn.items() if picture is not None}
 
 
 def _heading(discovery: Discovery) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from clutchest.discovery.result import Discovery
     from clutchest.estimate.run import Run
     from clutchest.identify.fit import Fit
+    from clutchest.pictures import Picture
     from clutchest.vehicle import Vehicle
 
 PANELS = 6  # of estimates in a picture, at most: as many as are legible on a printed page
@@ -54,24 +56,14 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
     return page(f"{run.vehicle.name}: diagnosis", words, pictures)
 
 
-def discovery_page(discovery: Discovery) -> str:
-    """The same as ``report.md``, with the curve of an error that has no name."""
+def discovery_page(discovery: Discovery, drawn: Mapping[str, Picture]) -> str:
+    """The same as ``report.md``, with the curve of an error that has no name; with the pictures
+    that are ``drawn``, by name."""
     from clutchest.record.discovery_report import report
 
-    pictures = {}
-    if installed("matplotlib"):
-        from clutchest.record.error_curve_picture import draw_error_curve
-        from clutchest.record.form_picture import draw_forms
-
-        drawn = {
-            "misfit": discovery.plot(),
-            "forms": draw_forms(discovery),
-            "curve": draw_error_curve(discovery),
-        }
-        pictures = {name: vector(each) for name, each in drawn.items() if each is not None}
-    names = {name: name if name in pictures else None for name in ("misfit", "forms", "curve")}
-    text = report(discovery, names["misfit"], names["forms"], names["curve"])
-    return page(f"{discovery.vehicle.name}: discovery", text, pictures)
+    names = [name if name in drawn else None for name in ("misfit", "forms", "curve")]
+    pictures = {name: vector(picture) for name, picture in drawn.items()}
+    return page(f"{discovery.vehicle.name}: discovery", report(discovery, *names), pictures)
 
 
 def fit_page(fit: Fit, before: Vehicle) -> str:
