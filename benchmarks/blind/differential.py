@@ -134,7 +134,8 @@ def _sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
     signals = simulate(vehicle, scenario, SIZED, duration=DURATION)
     machine = machine_of("alsd")
     effects = (*machine.effects.values(), *error_term_effects(machine))
-    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, discrepant=True))
+    given = signals, vehicle, effects
+    problem = with_fitted_gains(Problem.of(*given, discrepant=True, input_noise=False))
     search = begin(problem)
     scores, found = search.null_scores, dict[str, dict[str, list[float]]]()
     for cause, size in zip(search.candidates, scores.threshold(LEVEL) / scores.std, strict=True):
