@@ -341,12 +341,10 @@ def without(
 ) -> Floats:
     """``theta`` (m) with these ``gains`` (indices) at 0 and the ``free`` ones where they are most
     probable then, by derivatives at a linearisation."""
-    move = np.zeros(len(lin.theta))
-    move[gains] = -lin.theta[gains]
-    bent = lin.information + np.diag(objective.prior + 1e-9)
-    slope = lin.slope(lin.r) + objective.prior * lin.theta + bent @ move
-    move[free] = solved(bent[np.ix_(free, free)], -slope[free])
-    return objective.within_bounds(lin.theta + move, free)
+    theta = lin.theta.copy()
+    theta[gains] = 0.0
+    there = replace(lin, theta=theta, r=lin.r + lin.change(theta - lin.theta))
+    return theta + step(objective, there, free)
 
 
 def covariance(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -> Floats:
