@@ -28,6 +28,7 @@ from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import TIED, Errors, several_errors
 from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.map_fit import improve
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 from clutchest.signals import Floats
@@ -362,18 +363,18 @@ def _beside_less_discrepancies(search: Search) -> list[Curve]:
         return []
     objective, free = replace(search.objective, span=None), search.free(())
     at = objective.linearise_at(search.null.fit.theta).as_measured
-    share, likely = objective.discrepancies_shown_by(at, free, LESS)
+    parts = objective.with_parts_of_discrepancies(at, free, LESS)
+    most = max(likely for _, likely in parts)
     best: dict[tuple[str, str, int], Curve] = {}
 
-    def beside(part: float) -> list[Curve]:
-        """Those beside such a ``part`` of the discrepancies."""
-        own = objective.with_discrepancies(at, part * share)
+    def beside(own: Objective) -> list[Curve]:
+        """Those beside such a part of the discrepancies."""
         fit = replace(improve(own, own.whitened(at), free), raw=())
         return curves(own, fit, Nuisances(fit, free, own.prior), seed=3)
 
-    for part, less in zip(LESS, likely - likely.max(), strict=True):
-        for curve in beside(part):
-            lowered = replace(curve, evidence=curve.evidence + less)
+    for own, likely in parts:
+        for curve in beside(own):
+            lowered = replace(curve, evidence=curve.evidence + (likely - most))
             key = lowered.error_term, lowered.covariate, len(lowered.at)
             best[key] = max(best.get(key, lowered), lowered, key=lambda each: each.evidence)
     return sorted(best.values(), key=lambda curve: -curve.evidence)

@@ -196,20 +196,27 @@ class Objective:
         along = self.problem.discrepancy_directions(lin.theta, lin.shapes, lin.implied)
         if share is None:
             share = probable_shares(self._scattered(lin, along), self.problem.discrepancies)
-        scatter = scattering(self.problem.drives, along, share)
-        return self._weighted(self.noise_model, self.weights, scatter)
+        return self._scattering(along, share)
 
-    def discrepancies_shown_by(
+    def with_parts_of_discrepancies(
         self, lin: Linearisation, free: NDArray[np.int64], parts: Sequence[float]
-    ) -> tuple[Floats, Floats]:
-        """How large each discrepancy is by a linearisation's innovations, over what is stated; and
-        of so many ``parts`` of that, 2 ln of the probability of the data up to a constant, with no
-        more than the ``free`` unknowns beside."""
+    ) -> list[tuple[Objective, float]]:
+        """Of each of so many ``parts`` of the discrepancies that a linearisation's innovations
+        show: one in which they have that, and 2 ln of the probability of the data up to a constant,
+        with no more than the ``free`` unknowns beside."""
         along = self.problem.discrepancy_directions(lin.theta, lin.shapes, lin.implied)
         drives = self._scattered(lin, along)
         share = probable_shares(drives, self.problem.discrepancies)
         alone = [drive.beside(free) for drive in drives]
-        return share, 2.0 * np.array([probability(alone, part * share) for part in parts])
+        return [
+            (self._scattering(along, part * share), 2.0 * probability(alone, part * share))
+            for part in parts
+        ]
+
+    def _scattering(self, along: Sequence[Sequence[Floats]], share: Floats) -> Objective:
+        """One in which each discrepancy has its ``share`` along its directions."""
+        scatter = scattering(self.problem.drives, along, share)
+        return self._weighted(self.noise_model, self.weights, scatter)
 
     def _scattered(
         self, lin: Linearisation, along: Sequence[Sequence[Floats]]
