@@ -118,12 +118,12 @@ def blocks_at(
     if present:
         problem = present.put_into(problem)
     readings, thetas = problem.drives[0].readings, problem.thetas
-    healthy = problem.vehicle.machine.states, wander(problem.vehicle, problem.compiled.model)
+    states = problem.vehicle.machine.states
+    wanders = wander(problem.vehicle, problem.compiled.model)
     if not len(readings.t):
-        nothing = np.zeros(0)
-        size = 1 + len(thetas)
+        nothing, size = np.zeros(0), 1 + len(thetas)
         gram = np.zeros((0, size, size))
-        return Blocks(*healthy, thetas, nothing, nothing, np.zeros(0, int), nothing, gram)
+        return Blocks(states, wanders, thetas, nothing, nothing, np.zeros(0, int), nothing, gram)
     if progress:
         progress("linearising", None)
     start = problem.near.copy()
@@ -140,7 +140,8 @@ def blocks_at(
         thetas = (*thetas, thetas[present.index])
         thetas = tuple(_exact(t) if i == present.index else t for i, t in enumerate(thetas))
         table = np.column_stack([table, from_the_start(problem, fit, present.index)])
-    return _blocks(readings, healthy, thetas, replace(rows, table=table), rows.r)
+    statistics = _statistics(readings, replace(rows, table=table), rows.r)
+    return Blocks(states, wanders, thetas, *statistics)
 
 
 def _exact(unknown: Unknown) -> Unknown:
@@ -148,13 +149,11 @@ def _exact(unknown: Unknown) -> Unknown:
     return replace(unknown, healthy=0.0) if isinstance(unknown, UnknownGain) else unknown
 
 
-def _blocks(
-    readings: Readings,
-    healthy: tuple[tuple[State, ...], tuple[Wander, ...]],
-    thetas: tuple[Unknown, ...],
-    rows: NormalisedInnovations,
-    at_fit: Floats,
-) -> Blocks:
+def _statistics(
+    readings: Readings, rows: NormalisedInnovations, at_fit: Floats
+) -> tuple[Floats, Floats, NDArray[np.int64], Floats, Floats]:
+    """``begin``, ``end``, ``count``, ``off`` and ``gram`` of the blocks of these ``rows``, the
+    innovations being ``at_fit`` (K) at the operating point."""
     which, stretches = block_index(readings.t), readings.stretches
     rest, level = _local_residuals(rows, which)
     noise_model = NoiseModel.fit([stretches], [rest * level])
@@ -169,8 +168,7 @@ def _blocks(
         off.append(median_std(at_fit[own]))
         begin.append(readings.t[own].min())
         end.append(readings.t[own].max())
-    times = np.array(begin), np.array(end)
-    return Blocks(*healthy, thetas, *times, np.diff(edges), np.array(off), np.array(gram))
+    return np.array(begin), np.array(end), np.diff(edges), np.array(off), np.array(gram)
 
 
 def block_index(t: Floats) -> NDArray[np.int64]:
