@@ -35,7 +35,7 @@ def test_litres_are_not_what_is_on_the_left(header, name, unit):
         ("n [rpm]", "rad/s", "column 'n [rpm]' states rpm, the vehicle file rad/s, which is taken"),
         ("n [rpm]", "1/min", ""),
         ("n_rpm", "rad/s", "column 'n_rpm' states rpm, the vehicle file rad/s, which is taken"),
-        ("n [us]", "rpm", ""),  # no unit of a signal
+        ("n [counts]", "rpm", ""),  # no unit of a signal
         ("n", "rpm", ""),
         ("n [rpm]", "", ""),
     ],

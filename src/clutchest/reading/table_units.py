@@ -196,10 +196,11 @@ def check_steps(time: Floats, stated: bool, vehicle: Vehicle) -> None:
     if stated or len(time) < FEWEST or 2 * np.count_nonzero(steps > gap) < len(steps):
         return
     if (step := float(np.median(steps))) > gap:
+        unit = "ms" if step * 1e-3 <= gap else "us" if step * 1e-6 <= gap else "ns"
         raise ClutchestError(
             f"its rows are {step:.3g} s apart, more than the gap of {gap:g} s that can be bridged; "
-            "is the time in ms? A header such as 'time [ms]' or [columns] of the vehicle file "
-            "states it. Of a log that is as slow as that, [modes] gap states how long may be "
+            f"is the time in {unit}? A header such as 'time [{unit}]' or [columns] of the vehicle "
+            "file states it. Of a log that is as slow as that, [modes] gap states how long may be "
             "bridged"
         )
 
