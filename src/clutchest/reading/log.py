@@ -54,7 +54,8 @@ class _Piece:
 
 
 def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
-    """Signals as they are, those of a run, and what :func:`read_log` takes as read.
+    """Signals as they are, those of a run, and what :func:`read_log` takes as read; of a list with
+    some of these, all drives in its order.
 
     Raises ClutchestError for another result, whose table is no log.
     """
@@ -65,7 +66,11 @@ def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
         if isinstance(own, Signals):
             return own
         raise ClutchestError(f"expected signals, a log or a run, not a {type(given).__name__}")
-    return read_log(given, vehicle)
+    logs = _each(given)
+    if not any(isinstance(each, Showing) for each in logs):
+        return read_log(logs, vehicle)
+    first, *later = (drive for each in logs for drive in as_signals(each, vehicle).drives)
+    return replace(first, later=tuple(later))
 
 
 @partial(checked, own=("window",))
@@ -93,8 +98,7 @@ def read_log(
     DBC, or when no mapped message occurs at all.
     """
     vehicle, window = load_vehicle(vehicle), TimeWindow.of(window)
-    alone = isinstance(paths, str | Path) or _is_frame(paths) or not isinstance(paths, Iterable)
-    logs = _located([paths] if alone else list(paths))  # type: ignore[arg-type]
+    logs = _located(_each(paths))
     tabular = [not isinstance(log, Path) or is_table(log) for log in logs]
     folders = [log.parent for log in logs if isinstance(log, Path)]
     if all(tabular):
@@ -190,8 +194,16 @@ def _outside(group: Sequence[_Piece]) -> tuple[str, ...]:
 
 
 def _is_frame(given: object) -> bool:
-    """Whether it is a DataFrame of pandas, polars or Arrow."""
-    return hasattr(given, "columns") or hasattr(given, "to_pandas")
+    """Whether it is a DataFrame of pandas, polars or Arrow, or like one."""
+    like = hasattr(type(given), "columns") or hasattr(given, "to_pandas")
+    return like and not isinstance(given, Showing)
+
+
+def _each(given: Any) -> list[Any]:
+    """What is in a list of logs; one log alone, and so a mapping, bytes or an open file, which are
+    no list of them."""
+    one = isinstance(given, str | bytes | Path | Mapping) or hasattr(given, "read")
+    return [given] if one or _is_frame(given) or not isinstance(given, Iterable) else list(given)
 
 
 def _located(given: list[Any]) -> list[Any]:

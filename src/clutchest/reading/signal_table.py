@@ -19,6 +19,8 @@ from clutchest.signals import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
+DATA_FRAME = "DataFrame"  # source of a table that was in no file
+
 
 @dataclass(frozen=True, slots=True)
 class Cells:
@@ -142,8 +144,15 @@ class Channels:
 
 
 def as_pandas(given: Any) -> pd.DataFrame:
-    """A DataFrame of whatever library as one of pandas'."""
-    return given.to_pandas() if hasattr(given, "to_pandas") else given
+    """A DataFrame of whatever library as one of pandas'.  Raises ClutchestError for a column of
+    one, and for one that is not computed yet."""
+    import pandas as pd
+
+    frame = given.to_pandas() if hasattr(given, "to_pandas") else given
+    if not isinstance(frame, pd.DataFrame):
+        kind = f"{type(given).__module__.split('.')[0]}.{type(given).__name__}"
+        raise ClutchestError(f"expected a DataFrame (pandas, polars, Arrow), not {kind}")
+    return frame
 
 
 def of_frame(source: str, frame: pd.DataFrame, stated: Mapping[str, str] | None = None) -> Frame:

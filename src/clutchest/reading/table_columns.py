@@ -12,7 +12,7 @@ import numpy as np
 from clutchest import units
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
-from clutchest.reading.signal_table import Cells, Frame, RowTable, SignalTable
+from clutchest.reading.signal_table import DATA_FRAME, Cells, Frame, RowTable, SignalTable
 from clutchest.reading.written_times import written_times
 from clutchest.shown import counted
 from clutchest.signals import Floats
@@ -225,9 +225,10 @@ def _time_column(table: RowTable, mapped: Mapping[str, TableColumn]) -> tuple[st
     if how:
         hint = nearest(how.column, table.units)
         raise ClutchestError(f"{table.source}: no column '{how.column}' (time){hint}")
+    index = " or index" * (table.source == DATA_FRAME)
     raise ClutchestError(
-        f"{table.source}: no column of times, expected one named {', '.join(_TIMES)}, or of dates, "
-        f"named {', '.join(_DATES)}; it has {', '.join(list(table.units)[:8])}"
+        f"{table.source}: no column{index} of times, expected one named {', '.join(_TIMES)}, or of "
+        f"dates, named {', '.join(_DATES)}; it has {', '.join(list(table.units)[:8])}"
     )
 
 

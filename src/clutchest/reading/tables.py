@@ -16,7 +16,7 @@ from clutchest.budgets import LARGEST
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import shipped_machines
-from clutchest.reading.signal_table import RowTable, SignalTable
+from clutchest.reading.signal_table import DATA_FRAME, RowTable, SignalTable
 from clutchest.reading.table_columns import (
     TIME,
     Clock,
@@ -32,6 +32,7 @@ from clutchest.reading.table_columns import (
 )
 from clutchest.reading.table_formats import load_table, write_table
 from clutchest.reading.table_units import check_steps, check_units
+from clutchest.shown import counted
 from clutchest.signals import Counts, Floats, Signal, Signals
 from clutchest.vehicle import TableColumn, Vehicle
 
@@ -100,6 +101,8 @@ def _whose(table: SignalTable, unknown: Sequence[str]) -> str:
             return f"; they are those of machine '{machine.name}': --vehicle {machine.template}"
     if not unknown:
         return ""
+    if table.source == DATA_FRAME:
+        return "; they may be renamed, or named in [columns] of a vehicle file"
     file = Path(table.source).name
     return f"; `clutchest inspect {file}` drafts a vehicle file whose [columns] name them"
 
@@ -148,6 +151,9 @@ class _Rows:
         if self.clock is not None:
             timed = np.isfinite(self.clock.time)
             self.rejected = int((~timed).sum())
+            if self.rejected:
+                rows = f"{counted(self.rejected, 'row')} without a time left out"
+                self.warnings.append(f"{Path(self.table.source).name}: {rows}")
             self.end = float(self.clock.time[timed].max())
             self.warnings += _backward(self.table, self.clock.time, timed)
         self._useful = np.zeros(self.table.rows, bool)
@@ -179,10 +185,11 @@ class _Rows:
         if not given.any():
             self.warnings.append(f"{file}: column '{place.column}' is empty")
         rows = slice(None) if given.all() else np.flatnonzero(given)  # quicker than a mask
-        if np.count_nonzero(np.diff(time[rows]) == 0.0) > _TOGETHER * np.count_nonzero(given):
-            self._together.append(name)
         value = self._in_unit(column.value[rows], name, place, columns[name], vehicle)
-        return Signal.of(name, columns[name], time[rows], value)
+        signal = Signal.of(name, columns[name], time[rows], value)
+        if np.count_nonzero(np.diff(signal.time) == 0.0) > _TOGETHER * len(signal):
+            self._together.append(name)
+        return signal
 
     def _in_unit(
         self, value: Floats, name: str, place: Place, unit: str, vehicle: Vehicle | None
