@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import pytest
 
 import clutchest
@@ -55,6 +58,37 @@ def test_a_parameter_that_is_no_number(value):
     truck = clutchest.load_vehicle("truck")
     with pytest.raises(ClutchestError, match=r"engine_inertia: .* is no finite number"):
         truck.with_parameters(engine_inertia=value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("engine_inertia", -3.0, r"engine_inertia = -3 kg m², expected 0\.001 … inf"),
+        ("heat_fraction_body", 1.7, "heat_fraction_body = 1.7, expected 0 … 1"),
+    ],
+)
+def test_a_parameter_that_no_vehicle_file_may_have(key, value, said):
+    truck = clutchest.load_vehicle("truck")
+    with pytest.raises(ClutchestError, match=said):
+        truck.with_parameters(**{key: value})
+
+
+def test_a_parameter_that_is_unlikely_is_named_as_one_of_a_file_is():
+    heavy = clutchest.load_vehicle("truck").with_parameters(engine_inertia=50.0)
+    said = "unlikely: engine_inertia = 50 kg m^2, such machines have 0.02 … 20"
+    assert said in clutchest.replay("demo", heavy).warnings
+    assert heavy.with_parameters(engine_inertia=3.0).notes == ()
+
+
+def test_parameters_are_fixed():
+    truck = clutchest.load_vehicle("truck")
+    with pytest.raises(ClutchestError, match=r"expected vehicle\.with_parameters\(KEY=VALUE\)"):
+        truck.parameters["engine_inertia"] = 4.0
+    with pytest.raises(ClutchestError, match="fixed"):
+        truck.parameters.pop("engine_inertia")
+    with pytest.raises(ClutchestError, match="no parameter 'engine_inerta'; did you mean"):
+        truck.parameters["engine_inerta"]
+    assert copy.deepcopy(truck) == pickle.loads(pickle.dumps(truck)) == truck
 
 
 def test_a_request_that_is_no_number():

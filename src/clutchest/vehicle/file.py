@@ -17,11 +17,10 @@ from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.discrepancy_sections import read_healthy_gains, read_smooth_errors
 from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.named_files import NamedFiles
-from clutchest.vehicle.plausible import unlikely
 from clutchest.vehicle.signals_section import read_signals
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.trust import check_trusted
-from clutchest.vehicle.vehicle import Estimation, ParameterValue, Vehicle
+from clutchest.vehicle.vehicle import Estimation, ParameterValue, Vehicle, unlikely
 
 if TYPE_CHECKING:
     from clutchest.models.machine import Machine

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from math import isfinite
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from clutchest import units
 from clutchest.can.database import DatabaseFile
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
-from clutchest.shown import Showing, Shown, printed
+from clutchest.shown import Showing, Shown, printed, with_unit
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
@@ -150,6 +150,43 @@ class ParameterValue:
         return _says_guess(self.source)
 
 
+def unlikely(
+    machine: Machine,
+    parameters: Mapping[str, ParameterValue],
+    signals: Mapping[str, SignalMap],
+) -> Iterator[str]:
+    """One line for each number that no such machine, and no such sensor, is known to have."""
+    for p in machine.parameters:
+        value, (low, high) = parameters[p.key].value, p.plausible
+        if not low <= value <= high:
+            yield f"unlikely: {p.key} = {value:g} {p.unit}, such machines have {low:g} … {high:g}"
+    for name, signal in signals.items():
+        column = machine.column(name)
+        if column is not None and signal.noise > column.noisiest:
+            yield (
+                f"unlikely: signals.{name}.noise = {signal.noise:g} {column.unit}, such sensors "
+                f"have at most {column.noisiest:g}"
+            )
+
+
+class Parameters(dict[str, ParameterValue]):
+    """Key → value of a vehicle; others make another vehicle."""
+
+    def __missing__(self, key: str) -> ParameterValue:
+        raise UnknownNameError(f"no parameter '{key}'{nearest(str(key), self)}")
+
+    def _fixed(self, *_: Any, **__: Any) -> Any:
+        raise ClutchestError(
+            "the parameters of a vehicle are fixed; expected vehicle.with_parameters(KEY=VALUE), "
+            "which gives another"
+        )
+
+    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _fixed
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+
 @dataclass(frozen=True, slots=True)
 class Estimation:
     """How the filter treats one state: role adaptive, constant or nuisance."""
@@ -230,6 +267,9 @@ class Vehicle(Showing):
     columns: Mapping[str, TableColumn] = field(default_factory=dict)
     bench: str = ""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Parameters(self.parameters))
+
     def shown(self) -> Shown:
         """The parameters with unit, spread and source."""
         guessed = f", {len(self.guessed)} of them guessed" if self.guessed else ""
@@ -271,18 +311,29 @@ class Vehicle(Showing):
         """The same vehicle with other values of some parameters, in the units that they have here.
 
         Their spreads stay.  Raises ClutchestError for a parameter that it does not have, or a value
-        that is no finite number.
+        that is no finite number or none that a vehicle file may state.
         """
         parameters = dict(self.parameters)
+        bounds = {p.key: (p.lower, p.upper) for p in self.machine.parameters}
         for key, value in values.items():
-            if key not in parameters:
-                raise ClutchestError(f"no parameter '{key}'{nearest(key, parameters)}")
+            old = self.parameters[key]
             if not isinstance(value, Real) or not isfinite(value):
-                raise ClutchestError(f"{key}: {value} is no finite number")
-            source = f"given instead of {parameters[key].value:g}"
-            parameters[key] = replace(parameters[key], value=float(value), source=source)
+                raise ClutchestError(f"{key}: {value!r} is no finite number")
+            low, high = bounds[key]
+            if not low <= value <= high:
+                given = with_unit(f"{value:g}", old.unit)
+                raise ClutchestError(f"{key} = {given}, expected {low:g} … {high:g}")
+            source = f"given instead of {old.value:g}"
+            parameters[key] = replace(old, value=float(value), source=source)
+        outdated = {*unlikely(self.machine, self.parameters, self.signals)}
+        file = f"{self.path.name}: "
+        notes = (
+            *(note for note in self.notes if note.removeprefix(file) not in outdated),
+            *unlikely(self.machine, parameters, self.signals),
+        )
         digest = sha256(f"{self.hash} {sorted(values.items())}".encode()).hexdigest()
-        return replace(self, parameters=parameters, hash=digest[: len(self.hash)])
+        hash_ = digest[: len(self.hash)]
+        return replace(self, parameters=parameters, hash=hash_, notes=notes)
 
     @property
     def guessed(self) -> tuple[str, ...]:
