@@ -42,9 +42,9 @@ def beginning(log: Path, to: Path, start_ns: int | None) -> Path:
 
 def rows(paths: list[Path], out: Path) -> list[dict]:
     """What the fleet says of a vehicle's logs, in their order."""
-    passed, found = Passed(), []
+    passed, found, truck = Passed(), [], clutchest.load_vehicle("truck")
     for k, path in enumerate(paths):
-        task = LogTask(FleetLog(path, "a"), f"{k}", "truck", False, out, 10.0)
+        task = LogTask(FleetLog(path, "a"), f"{k}", truck, out, 10.0)
         passed = estimate_log(task, passed)
         row = read_row(task.row)
         assert row is not None
@@ -104,7 +104,7 @@ def test_the_begin_of_a_table_is_that_of_its_times(tmp_path: Path) -> None:
     table = pd.DataFrame({"time": pd.to_datetime([MIDNIGHT_NS, MIDNIGHT_NS + 10**9], utc=True)})
     table["engine_speed"] = [100.0, 101.0]
     table.to_csv(tmp_path / "dated.csv", index=False)
-    assert begin_of(tmp_path / "dated.csv", "truck", False) == MIDNIGHT_NS
+    assert begin_of(tmp_path / "dated.csv", clutchest.load_vehicle("truck")) == MIDNIGHT_NS
 
 
 def test_runs_are_taken_by_their_numbers() -> None:

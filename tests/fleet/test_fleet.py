@@ -176,7 +176,11 @@ def write_logs(folder: Path, vehicles: int = 4, worn: int = 2) -> None:
 
 def task_of(folder: Path, out: Path) -> LogTask:
     return LogTask(
-        FleetLog(folder / "truck-0" / "0.log", "truck-0"), "k", "truck", False, out, 10.0
+        FleetLog(folder / "truck-0" / "0.log", "truck-0"),
+        "k",
+        clutchest.load_vehicle("truck"),
+        out,
+        10.0,
     )
 
 
@@ -389,3 +393,27 @@ def test_in_place_of_workers_that_do_not_come_another_starts(
             time.sleep(0.01)
         [future] = cluster_module.in_turn(client, [client.submit(int, pure=False)])
         assert future.result() == 0
+
+
+def test_a_vehicle_that_is_not_its_file(tmp_path: Path) -> None:
+    """As of ``with_parameters``, a discovery or a fit, whose hash is that of the file."""
+    pytest.importorskip("distributed")
+    write_logs(tmp_path / "logs", vehicles=1)
+    truck = clutchest.load_vehicle("truck")
+    heavy = replace(truck, parameters=truck.with_parameters(engine_inertia=4.0).parameters)
+    assert heavy.hash == truck.hash
+    last: dict[str, dict] = {}
+    for name, vehicle in (("truck", truck), ("heavy", heavy)):
+        fleet = clutchest.fleet(tmp_path / "logs", vehicle, tmp_path / "out", workers=1)
+        first = tmp_path / "logs" / "truck-0" / "0.log"
+        last[name] = clutchest.replay(first, vehicle).summary["states"]["friction"]
+        assert fleet["truck-0"].drives[0]["states"]["friction"]["value"] == last[name]["value"]
+    assert last["heavy"]["value"] != last["truck"]["value"]
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_a_number_of_workers(tmp_path: Path, workers: int) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(ClutchestError, match=f"workers {workers}: expected 1 or more, or None"):
+        clutchest.fleet("demo", "truck", tmp_path / "out", workers=workers)
+    assert not (tmp_path / "out").exists()

@@ -28,6 +28,8 @@ _FAILURES = "distributed.scheduler.allowed-failures"
 @contextmanager
 def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     """A client of the cluster at an address, or of one on this machine that ends with it."""
+    if workers is not None and workers < 1:
+        raise ClutchestError(f"workers {workers}: expected 1 or more, or None for one a core")
     import dask
     from distributed import Client
 

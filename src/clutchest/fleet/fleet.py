@@ -24,6 +24,7 @@ from clutchest.progress import Progress
 from clutchest.quantity import Quantity
 from clutchest.shown import Shown, Tabulated, counted, plus_minus
 from clutchest.vehicle import Vehicle, load_vehicle
+from clutchest.vehicle.text import vehicle_text
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -227,11 +228,11 @@ def analyse_fleet(
     car = load_vehicle(vehicle, trust=trust)
     folder = Path(out).resolve()
     logs = logs_of([places] if isinstance(places, str | Path) else places, folder)
-    made_by = f"{__version__} {car.hash} {rate}"
+    made_by = f"{__version__} {car.hash} {rate} {vehicle_text(car, car.path)}"
     with client_of(scheduler, workers) as client:
-        chains = _chains(client, logs, _place(car), trust)
+        chains = _chains(client, logs, car)
         tasks = {
-            name: _tasks(chain, made_by, LogTask(chain[0], "", _place(car), trust, folder, rate))
+            name: _tasks(chain, made_by, LogTask(chain[0], "", car, folder, rate))
             for name, chain in chains.items()
         }
         _run(client, tasks, progress)
@@ -255,21 +256,16 @@ def compared(
     return {name: outliers(y, std, tests) for name, (y, std) in numbers.items()}
 
 
-def _place(car: Vehicle) -> str:
-    """The vehicle file as workers find it."""
-    return str(car.path)
-
-
 def _chains(
-    client: Client, logs: Sequence[FleetLog], vehicle: str, trust: bool
+    client: Client, logs: Sequence[FleetLog], vehicle: Vehicle
 ) -> dict[str, list[FleetLog]]:
     """The logs of every vehicle in order of time; those without absolute times last, by name."""
     paths = [log.path.resolve() for log in logs]
-    futures = client.map(begin_of, paths, vehicle=vehicle, trust=trust, pure=False)
+    futures = client.map(begin_of, paths, vehicle=vehicle, pure=False)
     for _ in in_turn(client, futures):
         pass
     begins = [
-        survived(future, partial(alone, client, begin_of, path, vehicle, trust))
+        survived(future, partial(alone, client, begin_of, path, vehicle))
         for future, path in zip(futures, paths, strict=True)
     ]
     chains: dict[str, list[FleetLog]] = {}
@@ -288,7 +284,7 @@ def _tasks(chain: Sequence[FleetLog], made_by: str, like: LogTask) -> list[LogTa
     for log in chain:
         key = log.key(f"{made_by} {tasks[-1].key if tasks else ''}")
         absolute = FleetLog(log.path.resolve(), log.vehicle)
-        tasks.append(LogTask(absolute, key, like.vehicle, like.trust, like.out, like.rate))
+        tasks.append(LogTask(absolute, key, like.vehicle, like.out, like.rate))
     return tasks
 
 

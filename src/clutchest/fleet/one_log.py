@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,12 +31,11 @@ OVERLAPS = (
 @dataclass(frozen=True, slots=True)
 class LogTask:
     """A log to be estimated over, and everything that a worker needs to know: ``key`` under which
-    its results are kept, ``vehicle`` the vehicle file, ``out`` the folder of the results."""
+    its results are kept, ``out`` the folder of the results."""
 
     log: FleetLog
     key: str
-    vehicle: str
-    trust: bool
+    vehicle: Vehicle
     out: Path
     rate: float
 
@@ -61,14 +59,13 @@ def estimate_log(task: LogTask, passed: Passed) -> Passed:
     if (done := read_row(task.row)) is not None:
         return passed.after(done)
     try:
-        car = load_once(task.vehicle, task.trust)
-        signals = read_log(task.log.path, car, traffic=False)
+        signals = read_log(task.log.path, task.vehicle, traffic=False)
         drives = [Imprint.of(drive, task.log.path) for drive in signals.drives]
         if twin := passed.known(drives):
             return reject(task, f"holds the same drive as {twin}", passed)
         overlaps = passed.ends_after(signals.start_ns)
         state = {**passed.state, "time_ns": None} if passed.state and overlaps else passed.state
-        run = replay(signals, car, rate=task.rate, state=state)
+        run = replay(signals, task.vehicle, rate=task.rate, state=state)
     except (ClutchestError, OSError) as problem:
         return reject(task, str(problem), passed)
     except Exception as problem:  # that nobody foresaw: it must not stop the others
@@ -133,7 +130,7 @@ def drives_of(run: Run) -> list[dict[str, Any]]:
     return rows
 
 
-def begin_of(path: Path, vehicle: str, trust: bool) -> int | None:
+def begin_of(path: Path, vehicle: Vehicle) -> int | None:
     """Epoch time in ns of a log's first frame or row; None where it is not known."""
     from clutchest.can.files import read_blocks
     from clutchest.reading.table_formats import is_table
@@ -141,8 +138,7 @@ def begin_of(path: Path, vehicle: str, trust: bool) -> int | None:
 
     try:
         if is_table(path):
-            car = load_once(vehicle, trust)
-            return read_table(path, car.machine.units, car).start_ns
+            return read_table(path, vehicle.machine.units, vehicle).start_ns
         blocks = read_blocks(path)
         first = next(frames for frames in blocks if len(frames))
         return int(first.t_ns.min()) if first.absolute else None
@@ -187,14 +183,6 @@ def _whole(path: Path) -> Iterator[Path]:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
-
-
-@lru_cache(maxsize=4)
-def load_once(name: str, trust: bool) -> Vehicle:
-    """The vehicle of a file, loaded by the process's first task that needs it."""
-    from clutchest.vehicle import load_vehicle
-
-    return load_vehicle(name, trust=trust)
 
 
 def read_row(path: Path) -> dict[str, Any] | None:
