@@ -76,6 +76,17 @@ def test_nothing_runs_before_it_is_trusted(tmp_path, own_folder, monkeypatch, ca
     assert len(list(own_folder.iterdir())) == 1
 
 
+def test_what_is_no_python_is_not_trusted_and_named_at_once(
+    tmp_path, own_folder, monkeypatch, capsys
+):
+    path = written(tmp_path / "car", source=EFFECT + "class Humidty(Effect:\n")
+    code, out, error = called(monkeypatch, capsys, "trust", path)
+    line = len(EFFECT.splitlines()) + 1
+    assert code == 1 and not out and len(error.splitlines()) == 1
+    assert f"mine.py:{line}: SyntaxError: " in error
+    assert not own_folder.exists() and not (tmp_path / "car" / "ran").exists()
+
+
 @pytest.mark.parametrize("named", ["v.toml", "mine.py", "own.dbc"])
 def test_whatever_changes_has_to_be_trusted_anew(tmp_path, named):
     path = written(tmp_path / "car")

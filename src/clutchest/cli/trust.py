@@ -21,7 +21,8 @@ def trust(
 
     Read these files first: they can do all that you can.  What is trusted is the present content of
     the vehicle file and of all that it names; whoever changes one of them has to be trusted anew.
-    Shipped vehicles, and those that discover and identify write here, need none of this.
+    They are checked for their syntax now, and run with the vehicle's first use.  Shipped vehicles,
+    and those that discover and identify write here, need none of this.
 
     \b
     Example:

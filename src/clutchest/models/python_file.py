@@ -6,7 +6,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 from traceback import extract_tb
-from types import ModuleType
+from types import CodeType, ModuleType
 from warnings import catch_warnings
 
 from clutchest.errors import ClutchestError, file_like
@@ -15,6 +15,15 @@ from clutchest.errors import ClutchestError, file_like
 def digest_of(path: Path) -> str:
     """Which content a user's own Python file has.  Raises ClutchestError where there is no file."""
     return sha256(_read(path)).hexdigest()
+
+
+def check_syntax(path: Path) -> None:
+    """Raises ClutchestError naming file and line where the file is no Python; it is not run."""
+    try:
+        with catch_warnings(action="ignore"):
+            _compiled(path, _read(path))
+    except (SyntaxError, ValueError) as error:  # the latter for a null byte, of older Pythons
+        raise _failed(path, error) from error
 
 
 def load_module(path: Path, name: str, expected: str, digest: str = "") -> ModuleType:
@@ -34,10 +43,18 @@ def load_module(path: Path, name: str, expected: str, digest: str = "") -> Modul
     sys.modules[name] = module  # where dataclasses look up annotations
     try:
         with catch_warnings(action="ignore"):  # of its syntax and its imports: not ours to print
-            exec(compile(source, str(path.absolute()), "exec", dont_inherit=True), module.__dict__)
+            exec(_compiled(path, source), module.__dict__)
     except BaseException as error:  # the user's code may raise anything, SystemExit too
-        raise ClutchestError(f"{path}:{_line(error, path)} {_words(error)}") from error
+        raise _failed(path, error) from error
     return module
+
+
+def _compiled(path: Path, source: bytes) -> CodeType:
+    return compile(source, str(path.absolute()), "exec", dont_inherit=True)
+
+
+def _failed(path: Path, error: BaseException) -> ClutchestError:
+    return ClutchestError(f"{path}:{_line(error, path)} {_words(error)}")
 
 
 def _read(path: Path) -> bytes:

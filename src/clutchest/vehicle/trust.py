@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from clutchest.errors import ClutchestError
+from clutchest.models.python_file import check_syntax
 from clutchest.vehicle.named_files import NamedFiles
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.vehicle import Vehicle
@@ -33,9 +34,12 @@ def check_trusted(file: TomlFile, named: NamedFiles) -> None:
 def trust(path: Path) -> NamedFiles:
     """Trust the vehicle file at ``path``, with its present content and that of all it names.
 
-    Raises ClutchestError where it cannot be read, or that cannot be kept.
+    The Python that it names is compiled, and not run.  Raises ClutchestError where one of them
+    cannot be read, or that cannot be kept.
     """
     named = NamedFiles.of(TomlFile.read(path))
+    for code in named.code:
+        check_syntax(code)
     folder, complaint = trust_folder(), "others may write there"
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
