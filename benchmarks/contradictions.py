@@ -18,12 +18,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from differential_runs import DURATION, SCENARIOS, vehicle_of
 from scipy.stats import beta
 
 import clutchest
 from clutchest.generator import GROUPS, Mismatch
 from clutchest.reading.drafting import guessed_parameters
-from differential_runs import DURATION, SCENARIOS, vehicle_of
 
 TRUCK_SCENARIOS = ("city", "launches", "mixed", "pulses", "heating", "cold-start")
 TRUCK_S = 120.0  # s of a drive

@@ -309,6 +309,21 @@ def test_a_missing_parameter_is_named_with_its_unit(edited) -> None:
         load_vehicle(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('name = "x"\nmodel = "dry_cluch"\n', "^v.toml:2: unknown model 'dry_cluch'; did you mean"),
+        ('name = "x"\nmodel = "dry_clutch"\n', "^v.toml: this vehicle file has no 'parameters'$"),
+        ('name = "x"\n[parameters]\n', "^v.toml: this vehicle file has no 'model'$"),
+    ],
+)
+def test_the_machine_is_judged_before_what_it_needs(tmp_path, text, message) -> None:
+    path = tmp_path / "v.toml"
+    path.write_text(text)
+    with pytest.raises(ClutchestError, match=message):
+        load_vehicle(path)
+
+
 def test_an_unknown_vehicle_names_the_nearest_shipped_one() -> None:
     with pytest.raises(ClutchestError, match="no such file: trukc; did you mean 'truck'"):
         load_vehicle("trukc")

@@ -49,7 +49,7 @@ _TOP = (
     "limits",
     "monitors",
 )
-_REQUIRED = ("name", "model", "parameters")
+_REQUIRED = ("name", "parameters")
 
 
 @checked
@@ -70,16 +70,15 @@ def load_vehicle(v: Vehicle | str | Path, *, trust: bool = False) -> Vehicle:
 def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
     data = file.data
     file.known((), data, _TOP, "key")
-    for key in _REQUIRED:
-        if key not in data:
-            raise file.error((), f"this vehicle file has no '{key}'")
-    if not {"signals", "columns"} & set(data):
-        raise file.error((), "this vehicle file has no 'signals' (or 'columns', for tables)")
     named = NamedFiles.of(file)
     if not trust:
         check_trusted(file, named)
     model = file.string(("model",), data["model"])
-    machine = _machine(file, model, named)
+    machine = _machine(file, model, named)  # it says what else the file must have
+    for key in _REQUIRED:
+        file.required(key)
+    if not {"signals", "columns"} & set(data):
+        raise file.error((), "this vehicle file has no 'signals' (or 'columns', for tables)")
     limits = _section(file, "limits", machine.limits, f"limit of '{machine.name}'")
     thresholds = _section(
         file, "modes", machine.regimes.threshold_units, f"threshold of '{machine.name}'"

@@ -38,7 +38,7 @@ class NamedFiles:
         """Those of one vehicle file.  Raises ClutchestError with file, line and key for Python
         that is not there, or not a ``.py`` below the vehicle file's folder."""
         data = file.data
-        model = file.string(("model",), data.get("model"))
+        model = file.string(("model",), file.required("model"))
         own = _python(file, ("model",), model) if _is_path(model) else None
         entries = file.strings(("effects_files",), data.get("effects_files", []))
         effects = tuple(_python(file, ("effects_files",), entry) for entry in entries)

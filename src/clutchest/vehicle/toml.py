@@ -79,6 +79,12 @@ class TomlFile:
                 hint = nearest(key, valid) or "; none is expected here"
                 raise self.error((*keys, key), f"unknown {what} '{key}'{hint}")
 
+    def required(self, key: str) -> Any:
+        """The value of a key at the top that every vehicle file has."""
+        if key not in self.data:
+            raise self.error((), f"this vehicle file has no '{key}'")
+        return self.data[key]
+
     def table(self, keys: Keys, value: Any) -> dict[str, Any]:
         """A sub-table."""
         if not isinstance(value, dict):
