@@ -473,3 +473,10 @@ def test_convert_decodes_with_a_vehicle_and_rewrites_tables(run, log, tmp_path):
     assert code == 1 and "name a vehicle" in err
     code, _, err = run("convert", log, table, "-o", tmp_path / "x.log")
     assert code == 1 and "holds decoded signals" in err
+    code, _, err = run("inspect", log, table, "--out", tmp_path / "both")
+    assert code == 1 and len(err.splitlines()) == 1
+    assert f"{table} holds decoded signals, {log} holds frames; inspect them one after the" in err
+    assert run("inspect", table, "--out", tmp_path / "drafted")[0] == 0
+    draft = tmp_path / "drafted" / "vehicle.toml"
+    code, _, err = run("replay", table, log, "--vehicle", draft, "--out", tmp_path / "both")
+    assert code == 1 and f"{log} holds frames, and vehicle.toml has no 'dbc'" in err

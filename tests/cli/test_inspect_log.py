@@ -214,3 +214,12 @@ def test_css_idles():
     found = inspect_logs([real("j1939_css_idle.mf4")])
     speed = found.candidates["engine_speed"][0]
     assert 646 < speed.low < speed.high < 654.5
+
+
+def test_a_log_that_is_given_twice_is_drafted_once(log, tmp_path):
+    copy = tmp_path / "copy.asc"
+    write_frames(read_frames(log), copy)
+    once, twice = inspect_logs([log]), inspect_logs([log, copy])
+    assert twice.frames == once.frames and twice.rejected == {"duplicate": once.frames}
+    twice.write_vehicle(tmp_path / "v.toml", tmp_path / "v.toml")
+    load_vehicle(tmp_path / "v.toml")

@@ -10,6 +10,7 @@ from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Logs, Out, WindowOptions
 from clutchest.cli.parameters import Option
 from clutchest.cli.terminal import answer, progress
+from clutchest.errors import ClutchestError
 from clutchest.shipped import shipped
 
 if TYPE_CHECKING:
@@ -76,8 +77,15 @@ def _inspected(
     from clutchest.reading.table_inspection import inspect_tables
     from clutchest.shipped import locate
 
-    if all(is_table(locate(log, "logs")) for log in logs):
+    tables = [is_table(locate(log, "logs")) for log in logs]
+    if all(tables):
         return inspect_tables(logs, model)
+    if any(tables):
+        table, frames = (logs[tables.index(kind)] for kind in (True, False))
+        raise ClutchestError(
+            f"{table} holds decoded signals, {frames} holds frames; inspect them one after the "
+            "other, since each kind has a vehicle file of its own"
+        )
     return inspect_logs(logs, [_database(each) for each in dbc], window.parse(), model)
 
 

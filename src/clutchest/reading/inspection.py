@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchest.can import files
 from clutchest.can.database import Database, DatabaseFile, load, located
+from clutchest.can.deduplication import without_duplicates
 from clutchest.can.frames import Frames
 from clutchest.can.survey import IdStatistics, survey
 from clutchest.can.transport import reassembled
@@ -153,7 +154,7 @@ def inspect_logs(
     parts = _in_sequence([frames for frames in read if len(frames)])
     if not parts:
         raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
-    frames = Frames.concatenate(parts).sorted()
+    frames = without_duplicates(Frames.concatenate(parts).sorted())
     sources = tuple(located(each) for each in dbc or shipped("dbc").values())
     databases = _databases(sources)
     rows = tuple(survey(frames, databases))
@@ -177,7 +178,7 @@ def inspect_logs(
         logs,
         len(frames),
         sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9,
-        dict(frames.rejected),
+        {**dict(frames.rejected), **dict(frames.passed_over)},
         rows,
         draft,
         sources,

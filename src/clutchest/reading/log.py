@@ -104,6 +104,12 @@ def read_log(
     if all(tabular):
         database, wanted = _database_if_available(vehicle, folders), []
     else:
+        if not vehicle.dbc:
+            raise ClutchestError(
+                f"{logs[tabular.index(False)]} holds frames, and {vehicle.path.name} has no 'dbc' "
+                "to decode them by: expected a table, or a vehicle file that `clutchest inspect` "
+                "drafts from frames"
+            )
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     pieces = [
