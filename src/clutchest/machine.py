@@ -5,10 +5,12 @@ See ``docs/machine.md``, "Your own machine".
 
 from clutchest.models.declarations import (
     Comparison,
+    Driving,
     Event,
     Inverse,
     OutputTracking,
     Separation,
+    Storing,
     Wear,
 )
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
@@ -24,6 +26,7 @@ __all__ = [
     "Column",
     "Comparison",
     "Demand",
+    "Driving",
     "Effect",
     "ErrorTerm",
     "Event",
@@ -45,5 +48,6 @@ __all__ = [
     "Sensor",
     "Separation",
     "State",
+    "Storing",
     "Wear",
 ]

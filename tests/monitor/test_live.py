@@ -219,3 +219,22 @@ def test_a_differential(tmp_path):
     rng = np.random.default_rng(2)
     pieces, _ = live(rig, frames, np.unique(rng.integers(0, len(frames), 12)).tolist())
     assert_same(pieces, replayed(rig, frames, tmp_path))
+
+
+def test_a_wrong_number_of_teeth_is_named_while_the_drive_lasts(tmp_path):
+    truck, frames = clutchest.load_vehicle("truck"), frames_of("demo", 70.0)
+    shaft = np.flatnonzero(((frames.id >> 8) & 0xFFFF) == ETC1)
+    raw = frames.data[shaft, 5] + 256.0 * frames.data[shaft, 6]
+    fewer = np.where(raw < 0xFB00, np.round(raw * 58.0 / 60.0), raw).astype(np.uint16)
+    frames.data[shaft, 5], frames.data[shaft, 6] = fewer & 255, fewer >> 8
+    cuts = np.searchsorted(frames.t_ns - frames.t_ns[0], np.arange(1.0, 70.0) * 1e9)
+    pieces, drive = live(truck, frames, cuts.tolist())
+    found = pieces[-1].track.contradiction
+    assert found.kind == "ratio" and "number of teeth" in found.explanation
+    assert (
+        found.explanation == replayed(truck, frames, tmp_path).tracks[0].contradiction.explanation
+    )
+    for piece in pieces:
+        after = piece.track.time >= found.since_s
+        assert not any(state.valid[after].any() for state in piece.track.states.values())
+    assert drive.final()["contradiction"] == found.words

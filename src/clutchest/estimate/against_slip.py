@@ -24,7 +24,7 @@ def against_slip(drive: Signals, vehicle: Vehicle) -> Contradiction | None:
     inertia.
     """
     rules, way = vehicle.machine.regimes, vehicle.machine.driving
-    if way is None or not {way.torque, way.speed, way.other} <= set(drive.available):
+    if way is None or not set(way.signals) <= set(drive.available):
         return None
     read = drive[way.speed].only_valid()
     time, speed = read.time, read.value

@@ -49,6 +49,13 @@ class Consistency:
         self._outside: dict[str, float] = {}  # state → s
         self._last_s, self._most_J = -np.inf, 0.0
 
+    def contradict(self, found: Contradiction) -> None:
+        """What was found by other means; an explanation is worth more than none."""
+        if self.found is None:
+            self.found = found
+        elif not self.found.kind:
+            self.found = replace(found, since_s=min(found.since_s, self.found.since_s))
+
     def take(self, track: Track, last: bool = False) -> Track:
         """The next piece, or the ``last`` one, its estimates not valid behind a contradiction."""
         found = [self._misfit(track, last), self._impossible(track), self._returned(track)]

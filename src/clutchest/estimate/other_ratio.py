@@ -38,6 +38,7 @@ def at_another_ratio(drive: Signals, vehicle: Vehicle) -> Contradiction | None:
             float(read.time[held][0]),
             f"a wrong number of teeth or gear ratio: {ratio:.4g} times {shaft} would fit",
             "ratio",
+            (engine,),
         )
     return None
 

@@ -16,7 +16,6 @@ import numpy as np
 from clutchest import __version__, memory_mapped
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
-from clutchest.estimate.against_slip import against_slip
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.doubts import doubts
@@ -24,11 +23,11 @@ from clutchest.estimate.drive import Drive, Stretch, begun
 from clutchest.estimate.drive_setup import Unusable, timings_of, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
+from clutchest.estimate.impossible import impossible, more_precise
 from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.other_bench import on_other_bench
-from clutchest.estimate.other_ratio import at_another_ratio
 from clutchest.estimate.run import Contradiction, Run, Track
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
@@ -114,9 +113,10 @@ def _contradiction(
     if (elsewhere := on_other_bench(drive, vehicle)) is not None:
         return elsewhere
     found = explained(track.contradiction, track, part.drive, vehicle, progress)
-    if found is not None and found.kind:
+    direct = impossible(drive, vehicle)
+    if direct is None or (found is not None and more_precise(found, direct)):
         return found
-    return at_another_ratio(drive, vehicle) or against_slip(drive, vehicle) or found
+    return direct
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:

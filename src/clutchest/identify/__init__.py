@@ -78,12 +78,11 @@ def identify_vehicle(
 
 def _contradicting(signals: Signals, vehicle: Vehicle) -> Iterator[str]:
     """Of drives whose signals cannot be right whatever the parameters are, in words."""
-    from clutchest.estimate.against_slip import against_slip
-    from clutchest.estimate.other_ratio import at_another_ratio
+    from clutchest.estimate.impossible import impossible
     from clutchest.paths import names_of
 
     for drive in signals.drives:
-        if found := at_another_ratio(drive, vehicle) or against_slip(drive, vehicle):
+        if found := impossible(drive, vehicle):
             of = f"{names_of(drive.sources)}: " if drive.sources else ""
             yield f"{of}{found.words}: {found.explanation}; no number of this fit counts"
 

@@ -72,6 +72,26 @@ class Driving:
     other: str
     largest: str
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """All signals that it names."""
+        return (self.torque, self.speed, self.other)
+
+
+@dataclass(frozen=True, slots=True)
+class Storing:
+    """An actuator that stores energy by its ``position`` alone, and dissipates the rest: the
+    product of each of the ``pairs`` of signals is, to a factor above 0, power that it takes.  The
+    position itself stands for its rate of change."""
+
+    position: str
+    pairs: tuple[tuple[str, str], ...]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """All signals that it names."""
+        return (self.position, *(name for pair in self.pairs for name in pair))
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:

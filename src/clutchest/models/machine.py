@@ -24,6 +24,7 @@ from clutchest.models.declarations import (
     Judder,
     OutputTracking,
     Separation,
+    Storing,
     Wear,
 )
 from clutchest.models.delay_relations import DelayRelation
@@ -76,8 +77,8 @@ class Machine:
     opening page of a recording shows, the machine's speeds unless given; ``tracking``: how an
     actuation and its response are recognised; ``judder``: how an oscillation of sliding surfaces
     is; ``inverse``: the actuator for a requested output;
-    ``wear``; ``driving``: which signals say by themselves what slips; ``limits``: what ``[limits]``
-    of a vehicle file may state, with its unit.
+    ``wear``; ``driving``: which signals say by themselves what slips, and ``storing`` what
+    an actuator takes; ``limits``: what ``[limits]`` of a vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
@@ -141,6 +142,7 @@ class Machine:
     inverse: Inverse | None = None
     wear: Wear | None = None
     driving: Driving | None = None
+    storing: Storing | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     reservations: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)

@@ -80,6 +80,8 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
         (("event", name) for name in (machine.event.slip if machine.event else ())),
         (("tracking", n) for n in (machine.tracking.signals if machine.tracking else ())),
         (("judder", n) for n in (machine.judder.signals if machine.judder else ())),
+        (("driving", n) for n in (machine.driving.signals if machine.driving else ())),
+        (("storing", n) for n in (machine.storing.signals if machine.storing else ())),
     )
     for piece, name in of_columns:
         if name not in columns:

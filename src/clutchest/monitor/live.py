@@ -9,11 +9,13 @@ averages at rest, inferred gears.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Drive, Piece
+from clutchest.estimate.impossible import BeginOfDrive
 from clutchest.estimate.whole_log import compile_model
 from clutchest.progress import Progress
 from clutchest.reading.incoming import Decoded, Incoming
@@ -50,6 +52,7 @@ class LiveEstimator:
         self._waiting: list[Frames] = []
         self._checked_ns = self._last_ns = self._now_ns = 0
         self._running: tuple[Incoming, Drive] | None = None
+        self._begin_of_drive = BeginOfDrive(vehicle)
         self.new_signals: Mapping[str, Signal] = {}  # the samples in the last frames
 
     @property
@@ -88,6 +91,7 @@ class LiveEstimator:
         incoming, drive = self._running
         new = incoming.take(frames, now_ns)
         self.new_signals = new.signals
+        self._judge(drive, (now_ns - incoming.start_ns) / 1e9)
         piece = drive.take(new.signals, new.settled)
         if incoming.late and self.history is not None:
             self._running, self._waiting = None, [self.history()]
@@ -109,7 +113,14 @@ class LiveEstimator:
         end_ns = self._now_ns if silent else self._last_ns
         rest = incoming.take(Frames.empty(), end_ns, last=True)
         self.new_signals = rest.signals
+        self._judge(drive, (end_ns - incoming.start_ns) / 1e9, last=True)
         return drive.take(rest.signals, rest.settled, last=True)
+
+    def _judge(self, drive: Drive, now: float, last: bool = False) -> None:
+        """No row from ``now`` s on is valid where the new signals cannot be right."""
+        found = self._begin_of_drive.take(self.new_signals, now, last)
+        if found is not None:
+            drive.consistency.contradict(replace(found, since_s=now))
 
     def final(self) -> dict[str, Any] | None:
         """What the next drive needs, as ``state.json`` holds it; None before the first estimate."""
@@ -143,7 +154,6 @@ class LiveEstimator:
         self._running = incoming, drive
         self._waiting = []
         first = incoming.first
-        self.new_signals = first.signals
         if last:
             rest = incoming.take(Frames.empty(), int(frames.t_ns[-1]), last=True)
             first = Decoded(
@@ -153,4 +163,7 @@ class LiveEstimator:
                 },
                 rest.settled,
             )
+        self.new_signals = first.signals
+        self._begin_of_drive = BeginOfDrive(self.vehicle)
+        self._judge(drive, float(frames.t_ns[-1] - incoming.start_ns) / 1e9, last)
         return drive.take(first.signals, first.settled, last)

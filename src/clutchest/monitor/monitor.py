@@ -156,7 +156,7 @@ class Monitor:
         self._signals: dict[str, list[Signal]] = {}
         self._last_s: dict[str, float] = {}  # signal → time of its last sample
         self._start_ns, self._mode = None, ""
-        self._watched_s, self._contradicted = 0.0, False
+        self._watched_s, self._contradiction = 0.0, ""
         self._tracking = LiveTracking(self.vehicle)
         self._live = LiveEstimator(
             self.vehicle,
@@ -264,10 +264,11 @@ class Monitor:
         """Rows into the status, the files and events of their own."""
         track = piece.track
         self.status.rows += len(track.time)
-        if track.contradiction and not self._contradicted:
-            self._contradicted = True
-            words = f"signals and model contradict each other: {track.contradiction.words}"
-            self._put(MonitorEvent(track.contradiction.since_s, "warning", words, {}))
+        if (found := track.contradiction) and found.words != self._contradiction:
+            self._contradiction = found.words
+            words = f"signals and model contradict each other: {found.words}"
+            words += f"; {found.explanation}" if found.explanation else ""
+            self._put(MonitorEvent(found.since_s, "warning", words, {}))
         if len(track.time):
             self.status.piece = piece
         if piece.begins:

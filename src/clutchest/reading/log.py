@@ -100,18 +100,8 @@ def read_log(
     vehicle, window = load_vehicle(vehicle), TimeWindow.of(window)
     logs = _located(_each(paths))
     tabular = [not isinstance(log, Path) or is_table(log) for log in logs]
-    folders = [log.parent for log in logs if isinstance(log, Path)]
-    if all(tabular):
-        database, wanted = _database_if_available(vehicle, folders), []
-    else:
-        if not vehicle.dbc:
-            raise ClutchestError(
-                f"{logs[tabular.index(False)]} holds frames, and {vehicle.path.name} has no 'dbc' "
-                "to decode them by: expected a table, or a vehicle file that `clutchest inspect` "
-                "drafts from frames"
-            )
-        database = load_database(vehicle, folders)
-        wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
+    framed = [log for log, is_table in zip(logs, tabular, strict=True) if not is_table]
+    database, wanted = _decoded_by(vehicle, logs, framed)
     pieces = [
         _table(log, vehicle)
         if is_table
@@ -245,6 +235,23 @@ def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
         raise ClutchestError(f"{vehicle.path.name}: no 'dbc', so CAN logs cannot be decoded")
     searched = [*folders, Path.cwd()]
     return load([replace(f, path=_dbc(vehicle, f.path, searched)) for f in vehicle.dbc])
+
+
+def _decoded_by(
+    vehicle: Vehicle, logs: Sequence[Any], framed: Sequence[Path]
+) -> tuple[Database, list[Message]]:
+    """The database and the mapped messages of logs, those that are ``framed`` of frames; without
+    such a log no message."""
+    folders = [log.parent for log in logs if isinstance(log, Path)]
+    if not framed:
+        return _database_if_available(vehicle, folders), []
+    if not vehicle.dbc:
+        raise ClutchestError(
+            f"{framed[0]} holds frames, and {vehicle.path.name} has no 'dbc' to decode them by: "
+            "expected a table, or a vehicle file that `clutchest inspect` drafts from frames"
+        )
+    database = load_database(vehicle, folders)
+    return database, [database.message(name) for name in mapped_messages(vehicle, database)]
 
 
 def _database_if_available(vehicle: Vehicle, folders: Sequence[Path]) -> Database:

@@ -35,7 +35,7 @@ from clutchest.models.alsd.own_effects import DifferentialEffects
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
-from clutchest.models.declarations import Event, OutputTracking, Wear
+from clutchest.models.declarations import Event, OutputTracking, Storing, Wear
 from clutchest.models.effects import effects_in
 from clutchest.models.fault import faults_in
 from clutchest.models.machine import Machine
@@ -93,6 +93,10 @@ MACHINE = Machine(
         sign=1.0,
         effect="free_play_growth",
         amount="growth",
+    ),
+    storing=Storing(
+        "motor_angle",
+        (("armature_voltage", "armature_current"), ("armature_current", "motor_angle")),
     ),
     limits={"wear": "m"},
     error_terms=ERROR_TERMS,
