@@ -1,11 +1,12 @@
 """How often `clutchest replay` doubts the signals of healthy drives.
 
-    python benchmarks/contradictions.py [--drives N] [--first SEED] --out DIR
+    python benchmarks/contradictions.py [--drives N] [--first SEED] [--live] --out DIR
 
 Simulates short drives of both machines, each with parameters and start of its own; the trucks
 differ from the model, too, each in one way of the generator's.  Every drive is replayed under the
 shipped file and under one of guesses, as `clutchest inspect` drafts it.  Whatever is then called a
-contradiction, or a doubt, is a false alarm.  DIR keeps one file per drive; a second run goes on.
+contradiction, or a doubt, is a false alarm.  With --live the drives are not replayed: what a live
+estimate finds in the begin of each is compared.  DIR keeps one file per drive; a second run goes on.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from differential_runs import DURATION, SCENARIOS, vehicle_of
 from scipy.stats import beta
 
 import clutchest
+from clutchest.estimate.impossible import BeginOfDrive
 from clutchest.generator import GROUPS, Mismatch
 from clutchest.reading.drafting import guessed_parameters
 
@@ -56,15 +58,26 @@ def said(signals: clutchest.Signals, vehicle: clutchest.Vehicle) -> dict[str, st
     return alarms
 
 
-def record(seed: int, out: Path) -> Iterator[dict[str, Any]]:
+def said_live(signals: clutchest.Signals, vehicle: clutchest.Vehicle) -> dict[str, str]:
+    """The same of what a live estimate finds while the drive lasts."""
+    begin, alarms = BeginOfDrive(vehicle), dict[str, str]()
+    for start in range(0, int(signals.end), 10):
+        new = signals.between(float(start), float(start + 10)).signals
+        if found := begin.take(new, float(start + 10), last=start + 10 >= int(signals.end)):
+            alarms[found.kind] = found.words
+    return alarms
+
+
+def record(seed: int, out: Path, live: bool) -> Iterator[dict[str, Any]]:
     """What was said of the drives of a ``seed``; kept, and not made again."""
+    say = said_live if live else said
     for name, scenario, options in drives_of(seed):
-        path = out / f"{name}-{seed}.json"
+        path = out / f"{name}-{seed}{'-live' if live else ''}.json"
         if not path.is_file():
             vehicle = clutchest.load_vehicle(name)
             signals = clutchest.simulate(vehicle, scenario, seed, **options)
             draft = replace(vehicle, parameters=guessed_parameters(vehicle.machine))
-            alarms = {"shipped": said(signals, vehicle), "drafted": said(signals, draft)}
+            alarms = {"shipped": say(signals, vehicle), "drafted": say(signals, draft)}
             about = {"vehicle": name, "scenario": scenario, "seed": seed}
             path.write_text(json.dumps({**about, **alarms}))
         yield json.loads(path.read_text())
@@ -84,12 +97,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--drives", type=int, default=80, help="of each machine")
     parser.add_argument("--first", type=int, default=90_000, help="seed")
+    parser.add_argument("--live", action="store_true")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     records: list[dict[str, Any]] = []
     for seed in range(arguments.first, arguments.first + arguments.drives):
-        records += record(seed, arguments.out)
+        records += record(seed, arguments.out, arguments.live)
     for machine, trucks in (("truck", True), ("differential", False)):
         own = [r for r in records if (r["vehicle"] == "truck") is trucks]
         for file in ("shipped", "drafted"):
