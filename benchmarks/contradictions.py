@@ -6,7 +6,8 @@ Simulates short drives of both machines, each with parameters and start of its o
 differ from the model, too, each in one way of the generator's.  Every drive is replayed under the
 shipped file and under one of guesses, as `clutchest inspect` drafts it.  Whatever is then called a
 contradiction, or a doubt, is a false alarm.  With --live the drives are not replayed: what a live
-estimate finds in the begin of each is compared.  DIR keeps one file per drive; a second run goes on.
+estimate finds in the begin of each is compared.  DIR keeps one file per drive, and a second run
+goes on.
 """
 
 from __future__ import annotations

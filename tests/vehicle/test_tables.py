@@ -12,6 +12,7 @@ import pytest
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
+from clutchest.reading.table_inspection import inspect_tables
 from clutchest.vehicle import TableColumn, dump_vehicle, load_vehicle
 from table_rows import RPM, SPEED, TIME, N, written
 
@@ -183,6 +184,19 @@ def test_values_that_do_not_fit_their_unit_are_refused(case, truck, tmp_path):
     frame.to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(ClutchestError, match=rf"a\.csv: .*{words}"):
         read_log(tmp_path / "a.csv", truck)
+
+
+@pytest.mark.parametrize(("step", "asked"), [(0.25, True), (0.3, False)])
+def test_a_draft_asks_whether_a_torque_is_in_percent(tmp_path, step, asked):
+    """What its largest torque is, it does not know, so that nothing can be refused."""
+    torque = step * np.round((30.0 + 20.0 * np.sin(TIME)) / step)
+    frame = pd.DataFrame({"time": TIME, "engine_speed": SPEED, "engine_torque": torque})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    inspection = inspect_tables([tmp_path / "a.csv"])
+    assert any("in %? Then state that unit" in words for words in inspection.warnings) == asked
+    inspection.write_vehicle(tmp_path / "v.toml", tmp_path / "v.toml")
+    warnings = read_log(tmp_path / "a.csv", tmp_path / "v.toml").warnings
+    assert any("engine_torque_max, which is a guess" in words for words in warnings) == asked
 
 
 def test_milliseconds_taken_for_seconds_are_refused(truck):

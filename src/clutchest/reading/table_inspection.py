@@ -25,7 +25,7 @@ from clutchest.reading.drafting import (
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
-from clutchest.reading.table_units import likely_unit
+from clutchest.reading.table_units import STATE_PERCENT, likely_unit, may_be_percent
 from clutchest.shipped import locate_each
 from clutchest.vehicle import (
     BusSignal,
@@ -329,8 +329,14 @@ def _with_units(
             continue
         table = next(table for table in tables if first.column in table.units)
         value = table.column(first.column).value
-        unit = likely_unit(value[np.isfinite(value)], column, template)
-        if unit != column.unit:
+        value = value[np.isfinite(value)]
+        unit = likely_unit(value, column, template)
+        if column.magnitude is not None and column.magnitude.of and may_be_percent(value):
+            warnings.append(
+                f"column '{first.column}' states no unit and reads like percentages: "
+                f"{STATE_PERCENT}"
+            )
+        elif unit != column.unit:
             warnings.append(
                 f"column '{first.column}' states no unit; by its values it is in {unit}"
             )

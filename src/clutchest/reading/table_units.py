@@ -6,7 +6,7 @@ wrong estimates without a sign of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ _LIKELY = {  # unit of a canonical signal → others that loggers use
     "Nm": ("Nm", "%"),
     "rad": ("rad", "°", "rev"),
 }
+STATE_PERCENT = "is it in %? Then state that unit, and its 'reference', what 100 % stands for"
 _PERCENT_STEP = 0.125  # of a torque in percent on a bus: every step is a multiple of it
 _LARGEST_STEP = 1.0  # no bus states a percentage more coarsely
 _MOST_PERCENT = 125.0
@@ -74,6 +75,28 @@ def check_bus_units(signals: Signals, vehicle: Vehicle, database: Database) -> N
     except ClutchestError as problem:
         source = " ".join(Path(each).name for each in signals.sources)
         raise ClutchestError(f"{source or vehicle.path.name}: {problem}") from None
+
+
+def doubtful_units(
+    signals: Mapping[str, Signal], stated: Mapping[str, str], vehicle: Vehicle
+) -> Iterator[str]:
+    """In words, which signals may be in percent, where what they are relative to is a guess, so
+    that :func:`check_units` cannot tell."""
+    for name, signal in signals.items():
+        column = vehicle.machine.column(name)
+        value = signal.value[signal.valid]
+        if column is None or column.magnitude is None or name not in stated:
+            continue
+        if stated[name] != "%" and _scale(column, vehicle) is None and may_be_percent(value):
+            yield (
+                f"{name} of {_range(value)} {column.unit} reads like percentages: {STATE_PERCENT}, "
+                f"or {column.magnitude.of}, which is a guess, if it is in {column.unit}"
+            )
+
+
+def may_be_percent(value: Floats) -> bool:
+    """Whether readings (n) are steps of a percentage, and enough to tell."""
+    return len(value) >= FEWEST and float(np.ptp(value)) > 0.0 and _is_percent(value)
 
 
 def _fits(value: Floats, column: Column, vehicle: Vehicle, signals: Mapping[str, Signal]) -> bool:
@@ -139,7 +162,7 @@ def _likely(
             continue
         if unit == "%":
             if np.abs(raw).max() <= _MOST_PERCENT:
-                return "; is it in %? Then state its 'reference', what 100 % stands for"
+                return f"; {STATE_PERCENT}"
             continue
         if _fits(units.convert_reading(raw, unit, column.unit), column, vehicle, signals):
             return f"; is it in {unit}?"

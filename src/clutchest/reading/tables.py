@@ -31,7 +31,7 @@ from clutchest.reading.table_columns import (
     split_header,
 )
 from clutchest.reading.table_formats import load_table, write_table
-from clutchest.reading.table_units import check_steps, check_units
+from clutchest.reading.table_units import check_steps, check_units, doubtful_units
 from clutchest.shown import counted
 from clutchest.signals import Counts, Floats, Signal, Signals
 from clutchest.vehicle import TableColumn, Vehicle
@@ -74,7 +74,9 @@ def read_table(
     rows = _Rows(table, clock, warnings)
     signals = {name: rows.signal(name, place, columns, vehicle) for name, place in found.items()}
     if vehicle is not None:
-        _check(table, clock, signals, found, vehicle)
+        stated = {name: place.unit for name, place in found.items()}
+        _check(table, clock, signals, stated, vehicle)
+        warnings += [f"{file}: {words}" for words in doubtful_units(signals, stated, vehicle)]
     result = rows.result(signals)
     del table, clock, rows
     pyarrow.default_memory_pool().release_unused()  # else it keeps what reading took
@@ -122,7 +124,7 @@ def _check(
     table: SignalTable,
     clock: Clock | None,
     signals: Mapping[str, Signal],
-    found: Mapping[str, Place],
+    units: Mapping[str, str],
     vehicle: Vehicle,
 ) -> None:
     """Raises ClutchestError naming the table for values that do not fit their units."""
@@ -131,7 +133,7 @@ def _check(
             stated = bool(split_header(clock.column)[1] or table.units.get(clock.column))
             stated |= TIME in vehicle.columns
             check_steps(clock.time[np.isfinite(clock.time)], stated, vehicle)
-        check_units(signals, {name: place.unit for name, place in found.items()}, vehicle)
+        check_units(signals, units, vehicle)
     except ClutchestError as problem:
         raise ClutchestError(f"{table.source}: {problem}") from None
 
