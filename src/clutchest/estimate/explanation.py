@@ -1,8 +1,8 @@
 """What explains that signals and model contradict each other: one sign, one swap, one unit.
 
 Each explanation is tried: the signals are mended by it and filtered anew.  One that fits leaves
-every innovation within what the model predicts; of several the most probable is named, with those
-that are as probable.
+every innovation within what the model predicts, and nothing that is impossible; of several the
+most probable is named, with those that are as probable.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency
 from clutchest.estimate.delay_equalisation import evenly_late
+from clutchest.estimate.impossible import impossible
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.run import Contradiction, Track
 from clutchest.estimate.timeline import build
@@ -165,7 +166,7 @@ def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> l
             fit = _fit(mended.between(end=shortest), vehicle, remedy.factor, remedy.signal)
             if shortest < begin.end and fit is not None and fit.right:
                 fit = _fit(mended, vehicle, remedy.factor, remedy.signal)
-            if fit is not None and _explains(fit, as_read):
+            if fit is not None and _explains(fit, as_read) and not impossible(mended, vehicle):
                 fitting.append((fit.log_likelihood, remedy))
         if fitting:
             return _most_probable(fitting, vehicle.machine.equations(begin.available))

@@ -22,13 +22,6 @@ def impossible(drive: Signals, vehicle: Vehicle) -> Contradiction | None:
     return None
 
 
-def more_precise(one: Contradiction, other: Contradiction) -> bool:
-    """Whether the explanation of ``one`` is of the same kind, or by the factor of a unit, and of
-    the same signals as that of the ``other``."""
-    same = not {one.signal, *one.others}.isdisjoint((other.signal, *other.others))
-    return same and one.kind in ("unit", other.kind)
-
-
 class BeginOfDrive:
     """The begin of a drive that is going on: what is read wrongly is so from the first sample on.
 

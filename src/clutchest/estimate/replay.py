@@ -23,7 +23,7 @@ from clutchest.estimate.drive import Drive, Stretch, begun
 from clutchest.estimate.drive_setup import Unusable, timings_of, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
-from clutchest.estimate.impossible import impossible, more_precise
+from clutchest.estimate.impossible import impossible
 from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
@@ -113,10 +113,9 @@ def _contradiction(
     if (elsewhere := on_other_bench(drive, vehicle)) is not None:
         return elsewhere
     found = explained(track.contradiction, track, part.drive, vehicle, progress)
-    direct = impossible(drive, vehicle)
-    if direct is None or (found is not None and more_precise(found, direct)):
+    if found is not None and found.kind:
         return found
-    return direct
+    return impossible(drive, vehicle) or found
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:
