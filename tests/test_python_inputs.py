@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 
 import pytest
@@ -20,11 +21,18 @@ def city(**more):
     [
         ({"duratoin": 5.0}, "simulate has no option 'duratoin'; did you mean 'duration'"),
         ({"seed": -1}, "seed -1: expected a whole number, 0 or more"),
-        ({"duration": "x"}, "duration 'x': expected a number, s"),
+        ({"duration": "x"}, "duration: expected a number or None, not 'x'"),
+        ({"nominal": "no"}, "nominal: expected True or False, not 'no'"),
+        ({"mismatch": "city"}, "mismatch: expected a Mismatch, not 'city'"),
+        ({"outsider": 3}, "outsider: expected an Outsider or None, not 3"),
+        ({"disturbances": {"friction_std": "x"}}, "disturbance 'friction_std': expected a number"),
+        ({"effects_files": "my.py"}, "effects_files: expected a list, not 'my.py'"),
+        ({"effects_files": ["my.py"]}, "my.py: no such file"),
         ({"seed": 1.5}, "seed: expected a whole number, not 1.5"),
         ({"effects": "wear"}, "effects: expected {'wear': {'amount': 0.5}}, not str"),
         ({"effects": {"wear": 1}}, "effect 'wear': expected numbers by name, not 1"),
         ({"effects": {"wear": {"amount": "x"}}}, "effect 'wear': expected numbers by name"),
+        ({"effects": {"wear": {"amount": None}}}, "effect 'wear': expected numbers by name"),
     ],
 )
 def test_of_a_simulation(more, said):
@@ -89,6 +97,13 @@ def test_parameters_are_fixed():
     with pytest.raises(ClutchestError, match="no parameter 'engine_inerta'; did you mean"):
         truck.parameters["engine_inerta"]
     assert copy.deepcopy(truck) == pickle.loads(pickle.dumps(truck)) == truck
+
+
+def test_a_summary_is_json():
+    drive = city(seed=3, duration=120.0, effects={"torque_gain": {"change": -0.3}})
+    diagnosis = clutchest.diagnose(drive, "truck")
+    assert diagnosis.faults and diagnosis.isolability
+    assert json.loads(json.dumps(diagnosis.summary(), allow_nan=False)) == diagnosis.summary()
 
 
 def test_a_request_that_is_no_number():

@@ -43,11 +43,17 @@ def checked(function: Callable[P, T], *, own: tuple[str, ...] = ()) -> Callable[
     @wraps(function)
     def call(*given: P.args, **named: P.kwargs) -> T:
         for name, value, hint in _pairs(function, given, named):
-            if name not in own and not _fits(value, hint):
-                raise ClutchestError(f"{name}: expected {_words(hint)}, not {_shown(value, hint)}")
+            if name not in own:
+                check(name, value, hint)
         return function(*given, **named)
 
     return call
+
+
+def check(name: str, value: Any, hint: Any) -> None:
+    """Raises ClutchestError for a value of a ``name`` that is of no type in the annotation."""
+    if not _fits(value, hint):
+        raise ClutchestError(f"{name}: expected {_words(hint)}, not {_shown(value, hint)}")
 
 
 def checked_fields(kind: type[T]) -> type[T]:
@@ -185,7 +191,8 @@ def _shown(value: Any, hint: Any) -> str:
         text = repr(value)
         if len(text) <= _SHORT:
             return text
-    kinds = tuple(each for each in (get_args(hint) or (hint,)) if isinstance(each, type))
+    some = (each for each in (get_args(hint) or (hint,)) if isinstance(each, type))
+    kinds = tuple(each for each in some if each is not NoneType)
     inside = [
         field.name
         for field in (fields(value) if is_dataclass(value) else ())

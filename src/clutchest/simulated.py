@@ -184,9 +184,8 @@ def _sampled(
     checked_options(options)
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
-    vehicle = replace(
-        vehicle, effects_files=(*vehicle.effects_files, *options.get("effects_files", ()))
-    )
+    own_files = map(Path, options.get("effects_files", ()))
+    vehicle = replace(vehicle, effects_files=(*vehicle.effects_files, *own_files))
     every = _all_effects(vehicle, effects)
     own = _own_effects(vehicle, every)
     channels = [

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, TypedDict, get_type_hints
 
+from clutchest.checked import check
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator import Mismatch, Outsider
 
@@ -32,16 +34,16 @@ class Options(TypedDict, total=False):
     outliers: float
     outsider: Outsider | None
     mismatch: Mismatch
-    effects_files: Sequence[Path]
+    effects_files: Sequence[str | Path]
 
 
 def checked_options(options: Mapping[str, Any]) -> None:
-    """Raises ClutchestError for an option that is none."""
-    for name in options:
-        if name not in Options.__annotations__:
-            raise ClutchestError(
-                f"simulate has no option '{name}'{nearest(name, Options.__annotations__)}"
-            )
+    """Raises ClutchestError for an option that is none, or of another type."""
+    known = get_type_hints(Options)
+    for name, value in options.items():
+        if name not in known:
+            raise ClutchestError(f"simulate has no option '{name}'{nearest(name, known)}")
+        check(name, value, known[name])
 
 
 def checked_effects(effects: Effects) -> Effects:
@@ -51,6 +53,6 @@ def checked_effects(effects: Effects) -> Effects:
             f"effects: expected {{'wear': {{'amount': 0.5}}}}, not {type(effects).__name__}"
         )
     for name, values in effects.items():
-        if not isinstance(values, Mapping) or any(isinstance(v, str) for v in values.values()):
+        if not isinstance(values, Mapping) or not all(isinstance(v, Real) for v in values.values()):
             raise ClutchestError(f"effect '{name}': expected numbers by name, not {values!r}")
     return effects

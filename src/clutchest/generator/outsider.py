@@ -4,7 +4,7 @@ they act upon a machine, here the truck, and its sensors."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.signals import Floats
@@ -18,6 +18,7 @@ Reading = Callable[[Floats], Floats]
 Law = Callable[[Mapping[str, float]], Mapping[str, float]]
 
 
+@runtime_checkable
 class Outsider(Protocol):
     """An unmodelled effect, none of ``EFFECTS``; any object with these two methods.  A slow one
     may have a ``pace``, s, at which its law is evaluated; ``SLICE`` unless it has.

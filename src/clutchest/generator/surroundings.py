@@ -9,6 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
+from clutchest.checked import check
 from clutchest.errors import ClutchestError, nearest
 from clutchest.recursion import recur
 from clutchest.signals import Floats
@@ -35,6 +36,7 @@ class Disturbances:
         for name, value in given.items():
             if name not in LARGEST:
                 raise ClutchestError(f"unknown disturbance '{name}'" + nearest(name, LARGEST))
+            check(f"disturbance '{name}'", value, float)
             if not 0 <= value <= LARGEST[name]:
                 raise ClutchestError(
                     f"disturbance '{name}' = {value:g}: expected 0 to {LARGEST[name]:g}"
