@@ -117,6 +117,17 @@ class Tabulated(Showing):
         return polars.from_pandas(self.to_pandas())
 
 
+def plain(value: Any) -> Any:
+    """``value`` as what JSON has words for: a number that is missing or not finite is None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy's
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
 def plus_minus(value: float, std: float, unit: str = "") -> str:
     """A value with its standard deviation, as many digits as that supports."""
     return with_unit(rounded(value, std), unit)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.checked import checked
 from clutchest.diagnosis.structure import AffectedSensor
-from clutchest.shown import Shown, Tabulated
+from clutchest.shown import Shown, Tabulated, plain
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ class Diagnosis(Tabulated):
 
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
-        return {
+        contents = {
             "warnings": self.warnings,
             "monitors": [
                 {
@@ -209,3 +209,4 @@ class Diagnosis(Tabulated):
             "isolability": self.isolability.summary() if self.isolability else None,
             "provenance": dict(self.provenance),
         }
+        return dict(plain(contents))

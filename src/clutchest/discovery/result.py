@@ -11,7 +11,7 @@ import numpy as np
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residuals import Misfit
 from clutchest.discovery.where import Where
-from clutchest.shown import Shown, Tabulated, plus_minus
+from clutchest.shown import Shown, Tabulated, plain, plus_minus
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
 
@@ -302,7 +302,7 @@ class Discovery(Tabulated):
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""
         where, gain, experiment = self.where, self.gain, self.experiment
-        return {
+        contents = {
             "verdict": self.verdict,
             "sentence": self.sentence,
             "fit": {
@@ -325,6 +325,7 @@ class Discovery(Tabulated):
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
+        return dict(plain(contents))
 
 
 def _of_cause(cause: Cause) -> dict[str, Any]:

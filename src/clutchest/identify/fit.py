@@ -17,6 +17,7 @@ from clutchest.shown import (
     Shown,
     Tabulated,
     decimals,
+    plain,
     plus_minus,
     with_exponent,
     with_unit,
@@ -183,7 +184,7 @@ class Fit(Tabulated):
 
     def summary(self) -> dict[str, Any]:
         """The contents of ``fit.json``."""
-        return {
+        contents = {
             "procedure": self.procedure,
             "vehicle": self.vehicle.name,
             "logs": [Path(source).name for source in self.sources],
@@ -192,6 +193,7 @@ class Fit(Tabulated):
             "notes": list(self.notes),
             "warnings": list(self.warnings),
         }
+        return dict(plain(contents))
 
     def write_vehicle(self, path: Path, target: Path) -> None:
         """The vehicle as a file at ``path`` that will lie at ``target``; its heading says what was

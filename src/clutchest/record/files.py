@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
-from math import isfinite
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
@@ -25,6 +24,7 @@ from clutchest.estimate.run import Run, columns_of, log_of
 from clutchest.extras import installed
 from clutchest.paths import named_in_utf8, readable
 from clutchest.reading.table_formats import write_table
+from clutchest.shown import plain
 
 INNOVATIONS, REPORT = "innovations.parquet", "report.html"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
@@ -212,21 +212,6 @@ def read_state(path: Path) -> dict[str, Any]:
     if not isinstance(state, dict):
         raise ClutchestError(f"{path}: expected the state.json of an earlier replay, an object")
     return state
-
-
-def plain(value: Any) -> Any:
-    """``value`` as what JSON has words for."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not isfinite(value):
-        return None
-    return value
 
 
 def write_estimates(run: Run, path: Path, only: int | None = None) -> None:
