@@ -208,7 +208,7 @@ def test_what_is_said_of_it(call, said, at_hand, tmp_path, monkeypatch):
 
 def test_what_has_no_truth_is_not_said_to_have_one(at_hand):
     """A drive that was not simulated has None there, and None is allowed here."""
-    with pytest.raises(ClutchestError, match="expected a Vehicle, a path or None, not Signals$"):
+    with pytest.raises(ClutchestError, match=r"expected a Vehicle, a path or None, not Signals$"):
         clutchest.diagnose(at_hand[0], at_hand[1])
 
 

@@ -128,10 +128,21 @@ def test_refused() -> None:
         feedforward("truck", (TIME, step(100.0)))
     with pytest.raises(ClutchestError, match="as many"):
         feedforward("alsd_rig", (TIME[:-1], step(100.0)))
+    with pytest.raises(ClutchestError, match="times and values, not 3 columns"):
+        feedforward("alsd_rig", (TIME, TIME, TIME))
+    with pytest.raises(ClutchestError, match="times and values, numbers: dates, not s"):
+        feedforward("alsd_rig", (pd.date_range("2024-01-01", periods=len(TIME)), step(100.0)))
     with pytest.raises(ClutchestError, match="state of 'truck'"):
         planned(100.0, state={"vehicle": "truck"})
     with pytest.raises(ClutchestError, match="lasts 0 s"):
         feedforward("alsd_rig", ((0.0,), (1.0,)))
+
+
+def test_the_same_request_in_other_forms() -> None:
+    known = feedforward("alsd_rig", (TIME, step(500.0))).columns["current"]
+    table = pd.DataFrame({"time": TIME, "torque_request": step(500.0)})
+    for request in ([TIME, step(500.0)], np.array([TIME, step(500.0)]), table, [table]):
+        np.testing.assert_array_equal(feedforward("alsd_rig", request).columns["current"], known)
 
 
 def test_command(tmp_path: Path) -> None:

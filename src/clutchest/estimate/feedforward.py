@@ -15,7 +15,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import present_effects
 from clutchest.models.declarations import Inverse
 from clutchest.quantity import Quantity
-from clutchest.reading import read_log
+from clutchest.reading import Logs, as_signals
 from clutchest.reading.table_columns import TIME
 from clutchest.shipped import shipped
 from clutchest.shown import Showing, Shown, with_unit
@@ -31,7 +31,7 @@ LONGEST = 3600.0  # s of a request
 MANY, HOLE = 20, 10.0  # values of a request; usual steps that one without a value is longer than
 NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 
-Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
+Request = Signals | Logs | Sequence[Sequence[float]]  # the last: times and values
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -152,10 +152,12 @@ def _unit(inverse: Inverse) -> str:
 
 def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
     """The request as signals.  Raises ClutchestError where there is none in it."""
-    if isinstance(request, tuple):
+    if (columns := _columns(request)) is not None:
+        if len(columns) != 2:
+            raise ClutchestError(f"request: expected times and values, not {len(columns)} columns")
         try:
-            time, value = (np.asarray(column, np.float64) for column in request)
-        except ValueError as problem:
+            time, value = map(_numbers, columns)
+        except (TypeError, ValueError) as problem:
             raise ClutchestError(
                 f"request: expected times and values, numbers: {problem}"
             ) from None
@@ -164,13 +166,30 @@ def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
                 f"request: {time.shape} times and {value.shape} values, expected as many of both"
             )
         request = Signals({inverse.request: Signal.of(inverse.request, "", time, value)})
-    elif not isinstance(request, Signals):
-        request = read_log(request, _reduced(vehicle, inverse))
+    request = as_signals(request, _reduced(vehicle, inverse))
     if inverse.request not in request.available:
         has = ", ".join(sorted(request.available)) or "nothing"
         why = "; ".join(("", *request.warnings))
         raise ClutchestError(f"no column '{inverse.request}' in the request, which has {has}{why}")
     return request
+
+
+def _columns(request: Any) -> list[Any] | None:
+    """The columns of a request that is numbers; None of one of paths, tables or signals."""
+    logs = (str, Path, Showing)
+    if not isinstance(request, tuple | list | np.ndarray):
+        return None
+    if any(isinstance(each, logs) or hasattr(each, "columns") for each in request):
+        return None
+    return list(request)
+
+
+def _numbers(column: Any) -> Floats:
+    """A column as numbers.  Raises ValueError where they are none in s or Nm."""
+    column = np.asarray(column)
+    if column.dtype.kind in "mM":
+        raise ValueError("dates, not s")
+    return column.astype(np.float64)
 
 
 def _reduced(vehicle: Vehicle, inverse: Inverse) -> Vehicle:
