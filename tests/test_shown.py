@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,28 @@ def test_a_result_is_one_line(run: Run) -> None:
     for result in (run, run.signals, run.vehicle, clutchest.diagnose(run), *parts):
         assert "\n" not in repr(result)
         assert len(repr(result)) < 200
+
+
+def test_results_are_equal_where_their_numbers_are(run: Run) -> None:
+    again, other = clutchest.replay("demo", "truck"), clutchest.replay("demo", "truck", rate=5.0)
+    for parts in (
+        lambda r: r,
+        lambda r: r.tracks[0],
+        lambda r: r["friction"],
+        lambda r: r.tracks[0].states["friction"],
+    ):
+        assert parts(run) == parts(again)
+        assert parts(run) != parts(other) and parts(run) != 3
+    assert clutchest.diagnose(run) == clutchest.diagnose(again)
+    assert pickle.loads(pickle.dumps(run)) == run
+
+
+def test_signals_are_equal_where_their_samples_are() -> None:
+    drives = [clutchest.simulate("truck", "city", seed=seed, duration=5) for seed in (1, 1, 2)]
+    assert drives[0] == drives[1] != drives[2]
+    assert drives[0]["engine_speed"] == drives[1]["engine_speed"] != drives[2]["engine_speed"]
+    missing = clutchest.Signal.of("x", "", [0.0, 1.0], [np.nan, 1.0])
+    assert missing == clutchest.Signal.of("x", "", [0.0, 1.0], [np.nan, 1.0])
 
 
 def test_a_table_has_a_row_for_each_state(run: Run) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from math import floor, isfinite, log10
 from pathlib import Path
@@ -48,8 +48,39 @@ class Shown:
         return f"<p>{escape(self.line)}</p>" + (table if self.rows else "")
 
 
-class Showing(ABC):
-    """What shows itself so; a dataclass that does says ``repr=False``."""
+class Comparable:
+    """What is equal to another of its class where all parts are, arrays number by number; a
+    dataclass that is says ``eq=False``."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values are equal; a number that is missing equals another that is."""
+    if is_dataclass(one):
+        names = [field.name for field in fields(one) if field.compare]
+        alike = type(one) is type(other)
+        return alike and all(same(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, Mapping):
+        alike = isinstance(other, Mapping) and one.keys() == other.keys()
+        return alike and all(same(value, other[key]) for key, value in one.items())
+    if isinstance(one, list | tuple):
+        alike = isinstance(other, list | tuple) and len(one) == len(other)
+        return alike and all(map(same, one, other))
+    if hasattr(one, "dtype"):
+        import numpy as np
+
+        return bool(np.array_equal(one, other, equal_nan=one.dtype.kind == "f"))
+    return bool(one == other or (one != one and other != other))
+
+
+class Showing(Comparable, ABC):
+    """What shows itself so; a dataclass that does says ``repr=False, eq=False``."""
 
     __slots__ = ()
 

@@ -16,7 +16,7 @@ from clutchest.checked import checked, checked_fields
 from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.native import compiled
 from clutchest.paths import names_of
-from clutchest.shown import Showing, Shown
+from clutchest.shown import Comparable, Showing, Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,8 +46,8 @@ class Why(IntEnum):
 _VALID = np.uint8(Why.VALID)  # attributes of an enumeration are slow
 
 
-@dataclass(frozen=True, slots=True)
-class Signal:
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal(Comparable):
     """Samples of one quantity at their own times.
 
     ``time`` s since the log's start, non-decreasing, shape (n,); ``value`` shape (n,) in ``unit``,
@@ -248,8 +248,8 @@ class Traffic:
         return len(self.time)
 
 
-@dataclass(frozen=True, slots=True)
-class Truth:
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth(Comparable):
     """True values of a simulated drive on one time grid, (n,) each; ``mode`` holds names."""
 
     time: Floats
@@ -257,7 +257,7 @@ class Truth:
 
 
 @checked_fields
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Signals(Showing, Mapping[str, Signal]):
     """The named signals of one drive; later drives of the same read hang on ``later``.
 

@@ -119,7 +119,7 @@ class Isolability:
         }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Diagnosis(Tabulated):
     """The diagnosis of one run; ``lanes``: monitor → (time s, status) per drive."""
 

@@ -183,7 +183,7 @@ class Experiment:
     scenario: str | None
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Discovery(Tabulated):
     """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
     where they are named, several where the data do not separate them.  ``extended`` is the vehicle

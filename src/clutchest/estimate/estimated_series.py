@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.shown import Shown, plus_minus
+from clutchest.shown import Comparable, Shown, plus_minus
 from clutchest.signals import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class EstimatedSeries:
+@dataclass(frozen=True, slots=True, eq=False)
+class EstimatedSeries(Comparable):
     """``value`` ± ``std`` in ``unit`` at ``time`` s of the drive, and where they are ``valid``;
     shape (m,) each."""
 

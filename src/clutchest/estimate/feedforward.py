@@ -34,7 +34,7 @@ NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 Request = Signals | Logs | Sequence[Sequence[float]]  # the last: times and values
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Feedforward(Showing):
     """``columns`` (k,) by name, ``time`` s and the ``request`` first, which ``reached`` answers to,
     with their ``units``, which has those of ``taken`` too: states that come from an estimate,

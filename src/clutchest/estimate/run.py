@@ -17,7 +17,7 @@ from clutchest.estimate.estimated_series import EstimatedSeries
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
 from clutchest.paths import names_of
-from clutchest.shown import Showing, Shown, counted, plus_minus
+from clutchest.shown import Comparable, Showing, Shown, counted, plus_minus
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
@@ -44,8 +44,8 @@ OTHER_COLUMNS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate(Comparable):
     """One quantity over the output grid: ``value``, ``std`` and ``valid``, shape (m,) each.
 
     ``std`` contains the filter's own uncertainty and that of the parameters' spreads.
@@ -59,8 +59,8 @@ class Estimate:
         return f"<Estimate: {len(self.valid)} values, {np.count_nonzero(self.valid)} of them valid>"
 
 
-@dataclass(frozen=True, slots=True)
-class Innovations:
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovations(Comparable):
     """Measured less predicted, per sensor event: ``time`` s, ``sensor`` index into ``names``,
     ``innovation`` and its predicted standard deviation ``std`` in the sensor's unit; shape (k,)."""
 
@@ -163,8 +163,8 @@ class Contradiction:
     others: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+@dataclass(frozen=True, slots=True, eq=False)
+class Track(Comparable):
     """The estimates of one drive on the output grid.
 
     ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name; ``information``
@@ -203,7 +203,7 @@ class Track:
         return {name: estimate for name, estimate in both.items() if estimate is not None}
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Run(Showing, Mapping[str, EstimatedSeries]):
     """A replay: signals in, one :class:`Track` per drive out.
 

@@ -53,7 +53,7 @@ class FleetVehicle:
     notes: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Fleet(Tabulated):
     """All vehicles, and property → (what the others lead one to expect, which differ (v,))."""
 

@@ -124,7 +124,7 @@ class PictureFile:
         return self.png
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Fit(Tabulated):
     """The result of one procedure.
 
@@ -140,7 +140,7 @@ class Fit(Tabulated):
     parameters: Mapping[str, Fitted]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
-    draw: Callable[[Path], None]
+    draw: Callable[[Path], None] = field(compare=False)
     validation: Validation | None = None
     begun: str = ""
     before: Vehicle | None = None
