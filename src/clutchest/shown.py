@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from math import floor, isfinite, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from clutchest.checked import checked
 from clutchest.errors import UnknownNameError, nearest
@@ -103,9 +103,11 @@ class Showing(Comparable, ABC):
 
 
 class Tabulated(Showing):
-    """What is a table of numbers too, and has parts by name: ``fit["kiss_point"]``."""
+    """What is a table of numbers too, and has parts by name: ``fit["kiss_point"]``.  ``COLUMNS`` of
+    one that may have no row."""
 
     __slots__ = ()
+    COLUMNS: ClassVar[Sequence[str]] = ()
 
     @property
     @abstractmethod
@@ -137,7 +139,7 @@ class Tabulated(Showing):
         """The rows; the table's ``attrs["units"]`` are the units of its columns."""
         import pandas as pd
 
-        table = pd.DataFrame(self.rows())
+        table = pd.DataFrame(self.rows(), columns=self.COLUMNS or None)
         table.attrs["units"] = self.column_units()
         return table
 

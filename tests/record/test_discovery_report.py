@@ -462,7 +462,8 @@ def test_causes_are_a_table_too():
     size = FADE.parameters["slope"]
     row = table[table["parameter"] == "slope"].iloc[0]
     assert (row["effect"], row["value"], row["std"]) == ("friction_fade", size.value, size.std)
-    assert len(discovery("none").to_pandas()) == 0
+    none = discovery("none").to_pandas()
+    assert len(none) == 0 and list(none) == list(table)
 
 
 def test_a_number_that_does_not_change_is_not_said_to():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -212,6 +212,10 @@ class Discovery(Tabulated):
     provenance: Mapping[str, str]
     hypotheses: tuple[Hypothesis, ...] = ()  # of the user's own
     strongest: Where | None = None
+
+    COLUMNS: ClassVar[tuple[str, ...]] = (
+        *("effect", "equation", "parameter", "value", "std", "statistic", "p_value", "form"),
+    )
 
     @property
     def unexcited(self) -> tuple[str, ...]:
