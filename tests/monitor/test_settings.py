@@ -47,5 +47,8 @@ def test_settings_by_keyword_and_as_a_value(bus, tmp_path):
 def test_a_setting_that_there_is_not(bus):
     with pytest.raises(ClutchestError, match="MonitorSettings has no option 'speed'"):
         clutchest.Monitor(bus, "truck", speed=2.0)
+    for rate in (0.0, float("nan"), 1000.0):
+        with pytest.raises(ClutchestError, match=f"rate {rate:g} Hz: expected 0.1 to 100"):
+            clutchest.Monitor(bus, "truck", rate=rate)
     with pytest.raises(FrozenInstanceError):
         MonitorSettings().rate = 1.0

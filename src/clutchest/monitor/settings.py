@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.checked import checked_fields
+from clutchest.errors import ClutchestError
 from clutchest.monitor.events import Watcher
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
     import can
+
+SLOWEST, FASTEST = 0.1, 100.0  # Hz, of the estimates
 
 
 @checked_fields
@@ -34,3 +37,7 @@ class MonitorSettings:
     reopen: Callable[[], can.BusABC] | None = None
     watchers: tuple[Watcher, ...] = ()
     progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        if not SLOWEST <= self.rate <= FASTEST:
+            raise ClutchestError(f"rate {self.rate:g} Hz: expected {SLOWEST:g} to {FASTEST:g}")
