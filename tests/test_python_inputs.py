@@ -49,6 +49,12 @@ def test_a_run_stands_for_its_signals_and_no_other_result_for_any():
         clutchest.replay(clutchest.diagnose(run), "truck")
 
 
+def test_a_run_is_no_state():
+    run = clutchest.replay("demo", "truck")
+    with pytest.raises(ClutchestError, match=r"; expected what a replay has left: Run\.final"):
+        clutchest.replay("demo", "truck", state=run)
+
+
 @pytest.mark.parametrize("window", [5, (1, 2, 3), "12", ("a", "b"), (5, 2), (-1, 5)])
 def test_a_window_that_is_none(window):
     with pytest.raises(ClutchestError):

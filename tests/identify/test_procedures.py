@@ -135,7 +135,7 @@ def test_zero_position_needs_its_signal():
 
 
 def test_noise_takes_no_holdout(ramps):
-    with pytest.raises(ClutchestError, match="'noise' takes no --holdout"):
+    with pytest.raises(ClutchestError, match="'noise' takes no holdout"):
         run("noise", ramps, holdout=ramps)
 
 

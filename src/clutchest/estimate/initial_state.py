@@ -201,7 +201,10 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
         "slip_energy_signature",
     }
     if lacking := required - set(state):
-        raise StateError(f"the carried-over state has no {', '.join(sorted(lacking))}")
+        raise StateError(
+            f"the carried-over state has no {', '.join(sorted(lacking))}; expected what a replay "
+            "has left: Run.final, or the contents of its state.json"
+        )
     if state["model"] != compiled.model.name:
         raise StateError(
             f"the carried-over state is of model '{state['model']}', not '{compiled.model.name}'"

@@ -116,7 +116,7 @@ def _identified(
     if name == NOISE:
         if holdout is not None:
             raise ClutchestError(
-                f"procedure '{name}' takes no --holdout: it states its own uncertainty"
+                f"procedure '{name}' takes no holdout: it states its own uncertainty"
             )
         from clutchest.identify.noise import identify_noise
 
