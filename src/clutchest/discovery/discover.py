@@ -29,7 +29,7 @@ from clutchest.discovery.form_correction import form_correction
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit, goodness_of_fit
 from clutchest.discovery.held_out import names_of, with_signals_of
 from clutchest.discovery.holdout_curves import HeldOutCurves
-from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
+from clutchest.discovery.holdout_gain import carried, cross_validated_gain, held_out_gain
 from clutchest.discovery.identifiable import identifiability, not_testable, untested_effects
 from clutchest.discovery.misfit import misfit
 from clutchest.discovery.outcome import Outcome
@@ -63,7 +63,7 @@ from clutchest.estimate.credible import require_credible
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
-from clutchest.inference.sensor_ends import settled_off_ends
+from clutchest.inference.sensor_ends import off_ends
 from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
@@ -187,7 +187,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     )
     if on_identifiability:
         on_identifiability(identifiable)
-    other = _other(task)
+    other = _other(task, first[0])
     verdict = judge(first.pop(), other, task.progress)  # of an hour, its span is 40 MiB
     search = verdict.search
     before = search.objective.innovations_at(search.null.fit.theta).without_derivatives
@@ -363,12 +363,18 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
     return words
 
 
-def _other(task: _Task) -> HeldOut | None:
+def _other(task: _Task, search: Search) -> HeldOut | None:
     if not task.held_out:
         return None
     first, *later = task.held_out
-    drives = replace(first, later=tuple(later))
-    return cache(lambda: settled_off_ends(task.problem(drives))[0].problem)
+    drives, own, fit = replace(first, later=tuple(later)), search.problem, search.null.fit
+
+    def other() -> Problem:
+        """Held-out drives, whose fits begin where the one without a cause has the vehicle."""
+        problem = task.problem(drives)
+        return off_ends(problem, carried(own, fit, problem))
+
+    return cache(other)
 
 
 def _experiment(

@@ -15,14 +15,10 @@ from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import (
-    brought_near,
-    improve,
-    with_noise_estimated,
-)
-from clutchest.inference.objective import NO_SHAPES, Objective
+from clutchest.inference.map_fit import fitted, improve, with_noise_estimated
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import InitialState, Shapes
+from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
@@ -46,7 +42,7 @@ def held_out_gain(
     result by another name.
     """
     objective, than = Objective.of(other), than or search.null
-    with_, without = (carried(search, h.fit, other) for h in (best, than))
+    with_, without = (carried(search.problem, h.fit, other) for h in (best, than))
     shapes, fewer = best.fit.shapes, than.fit.shapes
     # the noise model is that of the residuals with the causes
     objective, after = with_noise_estimated(objective, fitted(objective, with_, shapes))
@@ -66,22 +62,15 @@ def held_out_gain(
     )
 
 
-def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
-    """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
-    free = objective.problem.nuisances
-    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    return improve(objective, begin, free, derivatives=False)
-
-
 def _cost(fit: Linearisation) -> float:
     return fit.cost
 
 
-def carried(search: Search, fit: Linearisation, other: Problem) -> Floats:
+def carried(problem: Problem, fit: Linearisation, other: Problem) -> Floats:
     """θ of another problem, with the vehicle's unknowns as in a fit of the first one."""
-    theta = np.zeros(len(other.thetas))
-    theta[: other.shared] = fit.theta[: search.problem.shared]
-    if last := len(search.problem.tolerated):
+    theta = other.begin.copy()
+    theta[: other.shared] = fit.theta[: problem.shared]
+    if last := len(problem.tolerated):
         theta[-last:] = fit.theta[-last:]
     return theta
 
