@@ -39,9 +39,7 @@ SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not take
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
 CLOSELY = 0.3  # of what a step promises, by which it may gain more or less: it is nearly linear
 SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
-NEARLY = (
-    10.0  # of the sum of squares: the noise model is estimated again when it changes it by more
-)
+NEARLY = 0.1  # of what chance makes of a sum of squares: a fit that changed it by less is the last
 
 
 class Tolerance(NamedTuple):
@@ -81,7 +79,8 @@ def settle(
     """The most probable nuisances, and ``gains`` (indices) where some are free too, others as in
     ``theta``; and an objective with the noise model of what is left: a step for the one, an
     estimate of the other, alternately, so many ``turns`` at most.  Where ``theta`` is ``fitted`` to
-    nearly the same, the noise is estimated first.  Raises as :func:`with_noise_estimated` does."""
+    nearly the same, the noise is estimated first.  No more turns where they come no nearer to each
+    other.  Raises as :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes, free), free)
     if np.isfinite(begin.cost) and not is_near(begin):
@@ -90,15 +89,17 @@ def settle(
         begin = objective.relinearise(begin, begin.theta, active=free)
     lin = begin if fitted and is_near(begin) else improve(objective, begin, free, derivatives=False)
     del begin  # room for all derivatives
+    changed, least = np.inf, NEARLY * np.sqrt(2.0 * len(lin.r))
     for _ in range(turns):
-        before = lin.r @ lin.r
+        before, last = lin.r @ lin.r, changed
         objective, lin = replace(objective, span=None), lin.as_point
         give_back()
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
         lin = objective.judged(lin).only(free)  # room for those on the way
         lin = improve(objective, lin, free, derivatives=False)
-        if abs(before - lin.r @ lin.r) < NEARLY:
+        changed = abs(before - lin.r @ lin.r)
+        if not least < changed < last:
             break
     return objective, lin
 
