@@ -103,18 +103,21 @@ __all__ = [
 ]
 
 
-_CALLED = ("fleet", "identify")  # packages that are called by their own name
+_MODULES = ("can", "fleet", "identify", "machine")  # the middle two are called by their own name
 
 
 def __getattr__(name: str) -> Any:
-    if name in _CALLED:
+    if name in _MODULES:
         return import_module(f"clutchest.{name}")
     if name not in _HOMES:
-        raise AttributeError(f"module 'clutchest' has no attribute '{name}'")
+        from clutchest.errors import alike
+
+        hint = alike(name, __dir__())
+        raise AttributeError(f"module 'clutchest' has no attribute '{name}'{hint}")
     value = getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted((*__all__, *_CALLED))
+    return sorted((*__all__, *_MODULES))
