@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
-from clutchest.checked import checked, checked_fields
+from clutchest.checked import check, checked, checked_fields
 from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.native import compiled
 from clutchest.paths import names_of
@@ -73,6 +73,8 @@ class Signal(Comparable):
                 f"signal '{name}': {time.shape} times, {value.shape} values and {why.shape} "
                 "reasons, expected as many of each"
             )
+        if unknown := int(np.count_nonzero(~np.isfinite(time))):
+            raise ClutchestError(f"signal '{name}': {unknown} of its times are no numbers")
         why[(why == _VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
         value[why != _VALID] = np.nan
         if len(time) > 1 and np.any(time[1:] < time[:-1]):
@@ -177,11 +179,9 @@ class Counts:
 
     def __add__(self, other: Counts) -> Counts:
         """Those of two logs together."""
-        names = dict.fromkeys([*self.messages, *other.messages])
-        messages = {
-            name: _together(self.messages.get(name, {}), other.messages.get(name, {}))
-            for name in names
-        }
+        mine, theirs = self.messages, other.messages
+        names = dict.fromkeys([*mine, *theirs])
+        messages = {name: _together(mine.get(name, {}), theirs.get(name, {})) for name in names}
         return Counts(
             self.frames + other.frames,
             self.decoded + other.decoded,
@@ -262,8 +262,8 @@ class Signals(Showing, Mapping[str, Signal]):
     """The named signals of one drive; later drives of the same read hang on ``later``.
 
     Behaves as a mapping of canonical name → :class:`Signal`.  ``start_ns`` is the epoch time of
-    t = 0 in ns, None where the log only has relative times.  ``end`` is the log's last time, s.
-    ``activity``: channel → times, s, at which frames of whatever id were received, thinned.
+    t = 0 in ns, None where the log only has relative times.  ``end``: the log's last time, s, that
+    of a sample at least.  ``activity``: channel → times, s, of frames of whatever id, thinned.
     ``gear``: the engaged gear by which a wheel speed became a shaft speed, first gear 1.
     """
 
@@ -278,6 +278,12 @@ class Signals(Showing, Mapping[str, Signal]):
     activity: Mapping[int, Floats] = field(default_factory=dict)
     gear: Signal | None = None
     later: tuple[Signals, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, signal in self.signals.items():
+            check(f"signal '{name}'", signal, Signal)
+        ends = [self.end, *(float(s.time[-1]) for s in self.signals.values() if len(s))]
+        object.__setattr__(self, "end", max(ends))
 
     @property
     def drives(self) -> tuple[Signals, ...]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest import units
 from clutchest.can import files
 from clutchest.can.database import Database, Message, load
 from clutchest.can.deduplication import without_duplicates
@@ -54,13 +55,15 @@ class _Piece:
 
 
 def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
-    """Signals as they are, those of a run, and what :func:`read_log` takes as read; of a list with
-    some of these, all drives in its order.
+    """Signals, those of a run, and what :func:`read_log` takes as read, in the machine's units; of
+    a list with some of these, all drives in its order.
 
-    Raises ClutchestError for another result, whose table is no log.
+    Raises ClutchestError for another result, whose table is no log, and for a signal in a unit of
+    something else.
     """
     if isinstance(given, Signals):
-        return given
+        drives = [_in_units_of(vehicle.machine.units, drive) for drive in given.drives]
+        return replace(drives[0], later=tuple(drives[1:]))
     if isinstance(given, Showing):
         own = getattr(given, "signals", None)
         if isinstance(own, Signals):
@@ -187,6 +190,21 @@ def _outside(group: Sequence[_Piece]) -> tuple[str, ...]:
     """Warnings of logs of which the time window leaves nothing."""
     span = _spans(group)
     return tuple(f"left out: {piece.path}: no data in the time window; {span}" for piece in group)
+
+
+def _in_units_of(known: Mapping[str, str], drive: Signals) -> Signals:
+    """A drive whose signals are in the ``known`` units, by name.  Raises ClutchestError for one
+    that measures something else."""
+    other = {n: s for n, s in drive.items() if s.unit not in ("", known.get(n, s.unit))}
+    for name, signal in other.items():
+        unit = known[name]
+        if not units.compatible(signal.unit, unit):
+            raise ClutchestError(
+                f"signal '{name}' is in {signal.unit}, expected a unit such as {unit}"
+            )
+        value = units.convert_reading(signal.value, signal.unit, unit)
+        other[name] = replace(signal, unit=unit, value=value)
+    return replace(drive, signals={**drive.signals, **other}) if other else drive
 
 
 def _is_frame(given: object) -> bool:
