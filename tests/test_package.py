@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import os
 import re
@@ -75,6 +76,14 @@ def test_starts_without_what_is_heavy():
     )
     assert package - bare < 0.5 * (heavy - bare)
     assert helped - bare < 3.0 * (heavy - bare)
+
+
+def test_packages_that_are_called_have_the_signature_of_what_they_call():
+    for package, function in (
+        (clutchest.fleet, clutchest.analyse_fleet),
+        (clutchest.identify, clutchest.identify_vehicle),
+    ):
+        assert inspect.signature(package) == inspect.signature(function)
 
 
 def test_installed_version_is_the_package_s():

@@ -6,7 +6,9 @@ A package and a function of one name would hide each other, whichever is importe
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from importlib import import_module
+from inspect import Signature, signature
 from types import ModuleType
 from typing import Any
 
@@ -16,9 +18,18 @@ class _CallableRoom(ModuleType):
 
     _calls: tuple[str, str]
 
-    def __call__(self, *given: Any, **named: Any) -> Any:
+    @property
+    def _function(self) -> Callable[..., Any]:
         module, function = self._calls
-        return getattr(import_module(module), function)(*given, **named)
+        called: Callable[..., Any] = getattr(import_module(module), function)
+        return called
+
+    @property
+    def __signature__(self) -> Signature:
+        return signature(self._function)
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        return self._function(*given, **named)
 
 
 def call_by(package: str, module: str, function: str) -> None:
