@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -84,3 +85,10 @@ def test_a_list_of_signals_is_their_drives(truck):
     assert again.summary["states"] == run.summary["states"]
     with pytest.raises(ClutchestError, match="expected signals, a log or a run, not a Diagnosis"):
         clutchest.replay([clutchest.diagnose(some[0], truck)], truck)
+
+
+def test_a_file_that_is_neither_log_nor_table_is_not_said_to_hold_frames(truck, tmp_path):
+    """For a vehicle whose file maps columns alone."""
+    FRAME.to_pickle(tmp_path / "a.pkl")
+    with pytest.raises(ClutchestError, match=r"a\.pkl: not a CAN log that is known; .* or a table"):
+        read_log(tmp_path / "a.pkl", replace(truck, dbc=()))

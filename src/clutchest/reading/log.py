@@ -264,6 +264,7 @@ def _decoded_by(
     if not framed:
         return _database_if_available(vehicle, folders), []
     if not vehicle.dbc:
+        next(files.read_blocks(framed[0], tables_in_words()), None)  # what is no log says so
         raise ClutchestError(
             f"{framed[0]} holds frames, and {vehicle.path.name} has no 'dbc' to decode them by: "
             "expected a table, or a vehicle file that `clutchest inspect` drafts from frames"
