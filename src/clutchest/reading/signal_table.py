@@ -18,6 +18,7 @@ from clutchest.signals import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 DATA_FRAME = "DataFrame"  # source of a table that was in no file
 
@@ -153,6 +154,19 @@ def as_pandas(given: Any) -> pd.DataFrame:
         kind = f"{type(given).__module__.split('.')[0]}.{type(given).__name__}"
         raise ClutchestError(f"expected a DataFrame (pandas, polars, Arrow), not {kind}")
     return frame
+
+
+def units_of(given: Any) -> dict[str, str]:
+    """Column → unit, where a DataFrame of Arrow states one."""
+    columns = getattr(given, "schema", ())
+    return {c.name: unit for c in columns if hasattr(c, "metadata") and (unit := stated_unit(c))}
+
+
+def stated_unit(column: pa.Field) -> str:
+    """The unit of a column of Arrow, "" where none is stated."""
+    metadata = column.metadata or {}
+    unit = next((metadata[k] for k in (b"unit", b"units", b"Unit") if k in metadata), b"")
+    return unit.decode("utf-8", "replace")
 
 
 def of_frame(source: str, frame: pd.DataFrame, stated: Mapping[str, str] | None = None) -> Frame:

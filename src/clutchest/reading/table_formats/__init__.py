@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.paths import named_in_utf8
-from clutchest.reading.signal_table import DATA_FRAME, SignalTable, as_pandas, of_frame
+from clutchest.reading.signal_table import DATA_FRAME, SignalTable, as_pandas, of_frame, units_of
 from clutchest.reading.table_kind import TableKind, always
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def load_table(given: Path | Any) -> SignalTable:
     Raises ClutchestError for a file that is none.
     """
     if not isinstance(given, Path):
-        return of_frame(DATA_FRAME, as_pandas(given))
+        return of_frame(DATA_FRAME, as_pandas(given), units_of(given))
     if given.is_file() and not given.stat().st_size:
         raise ClutchestError(
             f"{given}: the file is empty; expected a CAN log or {tables_in_words()}"

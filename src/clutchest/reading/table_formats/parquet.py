@@ -13,7 +13,7 @@ import numpy as np
 from clutchest import budgets
 from clutchest.errors import ClutchestError
 from clutchest.paths import named_in_utf8
-from clutchest.reading.signal_table import Frame, NumberTable, of_frame
+from clutchest.reading.signal_table import Frame, NumberTable, of_frame, stated_unit
 from clutchest.reading.table_budget import check_cells
 from clutchest.reading.table_kind import TableKind
 from clutchest.signals import Floats
@@ -58,7 +58,7 @@ def read(path: Path) -> Frame | NumberTable:
         kept = [column for column in schema if _may_be_signal(column.type)]
         about = pq.read_metadata(file)
         check_cells(path, about.num_rows * len(kept))
-        units = {column.name: _unit(column.metadata or {}) for column in kept}
+        units = {column.name: stated_unit(column) for column in kept}
         if len(units) == len(kept) and all(map(_is_plain, kept)) and not _index(schema):
             return NumberTable(
                 str(path), units, about.num_rows, partial(_column, path, about.num_rows)
@@ -72,11 +72,6 @@ def read(path: Path) -> Frame | NumberTable:
     table = table.cast(_plain(table.schema))
     frame = table.to_pandas(split_blocks=True, self_destruct=True)
     return of_frame(str(path), frame, units)
-
-
-def _unit(metadata: Mapping[bytes, bytes]) -> str:
-    unit = next((metadata[k] for k in (b"unit", b"units", b"Unit") if k in metadata), b"")
-    return unit.decode("utf-8", "replace")
 
 
 def _is_plain(column: pa.Field) -> bool:
