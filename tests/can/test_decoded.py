@@ -40,8 +40,31 @@ def test_every_message_is_a_table(frames):
     )
     assert table.schema.field("EngineSpeed").metadata == {b"unit": b"rpm"}
     assert signals["ETC2"]["CurrentGear"].to_pylist() == [1.0, None, 3.0]
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError, match="no frame of a message 'EEC3'; did you mean 'EEC1'"):
         signals["EEC3"]
+
+
+def test_frames_show_themselves_in_a_line_and_can_be_compared(frames):
+    assert repr(frames) == "<Frames: 13 of 2 ids>"
+    assert repr(frames.decode("hdt_clutch")) == "<DecodedFrames: EEC1, ETC2>"
+    assert frames == frames.take(slice(None)) != frames.take(slice(12))
+
+
+def test_what_is_wrong_in_a_call_is_named(frames, tmp_path):
+    for call, said in (
+        (lambda: can.read_frames(frames), "path: expected a path, not Frames"),
+        (lambda: can.read_blocks(3), "path: expected a path, not 3"),
+        (lambda: can.write_frames(tmp_path / "a.log", frames), "frames: expected Frames, not"),
+        (lambda: frames.decode("hdt_clutch", "EEC1"), "messages: expected a list or None, not"),
+    ):
+        with pytest.raises(ClutchestError, match=said):
+            call()
+
+
+def test_the_table_of_a_message_has_its_units_as_a_log_too(frames):
+    table = frames.decode("hdt_clutch")["EEC1"]
+    speed = clutchest.read_log(table, "truck")["engine_speed"].value
+    np.testing.assert_allclose(speed, np.linspace(600, 690, 10) * np.pi / 30)
 
 
 def test_all_readings_in_one_table(frames):

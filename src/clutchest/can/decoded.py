@@ -14,7 +14,7 @@ from clutchest.can.database import Database, DatabaseFile, Message, load
 from clutchest.can.decode import DecodedColumn, decode, rows_of
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.signals import Why
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Files = str | Path | Sequence[str | Path]
 Databases = Database | Files | Mapping[int, Files]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class DecodedFrames(Mapping[str, "pa.Table"]):
     """The messages that occur in ``frames``: name → Arrow table with ``time``, ``channel``, ``id``
     and a column per signal, one row per frame.
@@ -60,7 +60,7 @@ class DecodedFrames(Mapping[str, "pa.Table"]):
         import pyarrow as pa
 
         if name not in self.rows:
-            raise KeyError(name)
+            raise UnknownNameError(f"no frame of a message '{name}'{nearest(str(name), self.rows)}")
         message, rows = self.database.message(name), self.rows[name]
         columns: dict[str, Any] = {
             "time": self._times(rows),
@@ -76,6 +76,9 @@ class DecodedFrames(Mapping[str, "pa.Table"]):
             for key, array in columns.items()
         ]
         return pa.table(list(columns.values()), schema=pa.schema(fields))
+
+    def __repr__(self) -> str:
+        return f"<DecodedFrames: {', '.join(self.rows)}>"
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.rows)

@@ -22,6 +22,7 @@ from clutchest.can.formats import log_formats
 from clutchest.can.frames import Frames
 from clutchest.can.log_format import LogFormat
 from clutchest.can.log_source import LogSource
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError, nearest
 
 _BESIDE = 15  # bytes of a frame beside its data
@@ -29,7 +30,8 @@ _BINARY = re.compile(rb"[\0-\x08\x0b\x0e-\x1f]")  # no text has these
 _FIRST = 4096  # bytes in which most formats show; to search all of the head takes milliseconds
 
 
-def read_blocks(path: Path, also: str = "") -> Iterator[Frames]:
+@checked
+def read_blocks(path: str | Path, also: str = "") -> Iterator[Frames]:
     """The frames of a log block by block, in the order of the file (mf4: of time).
 
     Lines or objects that cannot be read are counted in ``Frames.rejected`` of their block; all
@@ -102,12 +104,14 @@ def is_log(path: Path) -> bool:
         return False
 
 
-def read_frames(path: Path, also: str = "") -> Frames:
+@checked
+def read_frames(path: str | Path, also: str = "") -> Frames:
     """All frames of a log at once; see :func:`read_blocks`."""
     return Frames.concatenate(read_blocks(path, also))
 
 
-def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
+@checked
+def write_frames(frames: Frames, path: str | Path) -> tuple[str, ...]:
     """Writes a log in the format that the suffix names, with ``.gz`` behind it compressed.
 
     Times are kept to 1 ns.  Gives back what the format could not keep, in words, empty if it is all

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.checked import checked
+from clutchest.shown import Comparable
 
 
 class Flag(IntFlag):
@@ -36,8 +38,8 @@ LENGTH_CODE[LENGTHS] = np.arange(16)
 Tally = tuple[tuple[str, int], ...]  # (reason, number)
 
 
-@dataclass(frozen=True, slots=True)
-class Frames:
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames(Comparable):
     """One row per frame, in the order of the file.
 
     ``t_ns`` int64 (n,): ns since the epoch, or since the log's start where ``absolute`` is False;
@@ -98,6 +100,7 @@ class Frames:
             self.notes,
         )
 
+    @checked
     def decode(self, database: Any, messages: Sequence[str] | None = None) -> Any:
         """The signals of all ``messages`` (every one unless given) of a ``database``: a DBC or
         another file, several, those of each channel (``{0: "a.dbc", 1: "b.dbc"}``), or one that is
@@ -105,6 +108,9 @@ class Frames:
         """
         decoded = import_module("clutchest.can.decoded")  # which is made of frames
         return decoded.DecodedFrames.of(self, database, messages)
+
+    def __repr__(self) -> str:
+        return f"<Frames: {len(self)} of {len(np.unique(self.id))} ids>"
 
     def steps(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """From each frame to the next, ns, a portion at a time, each with its first row."""
