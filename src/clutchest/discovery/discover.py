@@ -84,7 +84,7 @@ def discover(
     signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
     *,
-    holdout: Sequence[Signals] | Signals | Logs | None = None,
+    holdout: Signals | Logs | None = None,
     effects_files: Sequence[str | Path] = (),
     progress: Progress | None = None,
     on_identifiability: OnIdentifiability | None = None,
@@ -104,10 +104,10 @@ def discover(
     machine = vehicle.machine
     machine.supports("discover")
     own = user_effects(effects_files, vehicle)
-    signals, drives = as_signals(signals, vehicle), _drives(holdout, vehicle)
-    held_out = with_signals_of(
-        signals, [each for drive in drives for each in drive.drives], machine
-    )
+    signals = as_signals(signals, vehicle)
+    none = holdout is None or (isinstance(holdout, list | tuple) and not holdout)
+    held_out = () if none else as_signals(holdout, vehicle).drives
+    held_out = with_signals_of(signals, held_out, machine)
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
     if (off := disagreement(signals, vehicle)) is not None:
         signals, held_out = off.corrected(signals), tuple(map(off.corrected, held_out))
@@ -116,15 +116,6 @@ def discover(
     files = tuple(map(Path, effects_files))
     task = _Task(signals, held_out, vehicle, effects, files, progress, off)
     return _answer(task, on_identifiability)
-
-
-def _drives(given: Sequence[Signals] | Signals | Logs | None, vehicle: Vehicle) -> list[Signals]:
-    """Held-out drives: read, one or several, or logs that hold them."""
-    if given is None:
-        return []
-    if isinstance(given, list | tuple) and all(isinstance(each, Signals) for each in given):
-        return list(given)
-    return [as_signals(given, vehicle)]
 
 
 @dataclass(frozen=True, slots=True)
