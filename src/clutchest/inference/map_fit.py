@@ -98,17 +98,10 @@ def settle(
         objective = objective.with_span([lin.psi])
         lin = objective.judged(lin).only(free)  # room for those on the way
         lin = improve(objective, lin, free, derivatives=False)
-        changed = abs(before - lin.r @ lin.r)
+        changed = float(abs(before - lin.r @ lin.r))
         if not least < changed < last:
             break
     return objective, lin
-
-
-def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
-    """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
-    free = objective.problem.nuisances
-    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    return improve(objective, begin, free, derivatives=False)
 
 
 def with_noise_estimated(
