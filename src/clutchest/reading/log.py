@@ -21,6 +21,7 @@ from clutchest.can.frames import Frames
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
+from clutchest.reading.overlapping import TimedLog, at_the_same_time, given_twice
 from clutchest.reading.plausible import plausible
 from clutchest.reading.table_drives import drives_of
 from clutchest.reading.table_formats import is_table, tables_in_words
@@ -126,6 +127,7 @@ def read_log(
         raise ClutchestError(f"{names}: no data in the time window; {_spans(pieces)}")
     first, *later = drives
     warnings = (
+        *given_twice(drives),
         *(warning for group in groups for warning in group.warnings),
         *first.warnings,
         *(f"left out: {problem}" for problem in unmapped),
@@ -151,7 +153,7 @@ def _tables_drive(
     parts = drives_of(mapped, SPLIT_S)
     drives = [window.of_signals(plausible(part, vehicle, database)) for part in parts]
     kept = tuple(drive for drive in drives if drive)
-    return _Drives(kept, warnings=() if kept else _outside(group))
+    return _Drives(kept, warnings=_overlapping(group) if kept else _outside(group))
 
 
 def _frames_drives(
@@ -177,13 +179,22 @@ def _frames_drives(
     warnings = [piece.warning for piece in group if piece.warning]
     if drives:
         warnings += [
-            f"left out: {piece.path}: no frame that {vehicle.path.name} maps"
-            for piece in group
-            if not piece.mapped
+            *_overlapping(group),
+            *(
+                f"left out: {piece.path}: no frame that {vehicle.path.name} maps"
+                for piece in group
+                if not piece.mapped
+            ),
         ]
     elif not unmapped:
         warnings += _outside(group)
     return _Drives(tuple(drives), tuple(unmapped), tuple(warnings))
+
+
+def _overlapping(group: Sequence[_Piece]) -> tuple[str, ...]:
+    """Warnings of logs that say the same things at the same time."""
+    timed = [TimedLog(p.path, p.content, p.start, p.end) for p in group if p.absolute]
+    return tuple(at_the_same_time(timed))
 
 
 def _outside(group: Sequence[_Piece]) -> tuple[str, ...]:
