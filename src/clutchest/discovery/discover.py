@@ -35,7 +35,7 @@ from clutchest.discovery.misfit import misfit
 from clutchest.discovery.outcome import Outcome
 from clutchest.discovery.own_noise import loud, with_noise_of_likeliest
 from clutchest.discovery.result import Cause, Discovery, Experiment, Identifiable
-from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
+from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin, unlike_drives
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.selected_gain import given_above
 from clutchest.discovery.sentences import (
@@ -234,7 +234,9 @@ def _warnings(
     """What is to be said beside the answer; ``after``: the fit with the causes that are named,
     whose residuals are so far ``above`` the noise, as :func:`loud` has it."""
     search, machine = verdict.search, task.vehicle.machine
+    acts = verdict.best if outcome.named else search.null
     return (
+        *(unlike_drives(search, acts) if task.signals.later else ()),
         *_untested(task, search, verdict.best),
         *map(not_confirmed, verdict.dropped),
         *outcome.warnings,

@@ -5,7 +5,7 @@ A search is a value: each step takes one and gives the next.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.special import ndtr
 from clutchest.discovery.candidate_scores import columns, scored, spanned
 from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.inference.between_drives import unlike
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.innovations import NO_DERIVATIVES
@@ -252,6 +253,12 @@ def run(search: Search, progress: Progress | None = None) -> Search:
 def free_of(problem: Problem, causes: Iterable[CandidateCause]) -> NDArray[np.int64]:
     """Indices of nuisances and of the gains of ``causes``."""
     return np.concatenate([problem.nuisances, [c.index for c in causes]]).astype(int)
+
+
+def unlike_drives(search: Search, acts: CauseSet) -> Iterator[str]:
+    """In words, that the drives are not of one vehicle, beside causes that act in all of them."""
+    lin = search.objective.white_at(acts.fit.theta, acts.fit.shapes)
+    return unlike(search.objective, lin, search.free(acts.causes))
 
 
 def _superfluous(search: Search) -> CauseSet | None:

@@ -12,6 +12,7 @@ from clutchest.errors import ClutchestError
 from clutchest.identify.fit import NOT_VALIDATED, Fit, Fitted
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.identify.validation import validate
+from clutchest.inference.between_drives import unlike
 from clutchest.models.procedures import Procedure
 from clutchest.paths import names_of
 from clutchest.progress import Progress
@@ -47,9 +48,6 @@ def identify_parameters(
     the drives determine no parameter at all.
     """
     keys = procedure.parameters
-    warnings = [w for drive in signals.drives for w in drive.warnings]
-    if holdout is None:
-        warnings.append(NOT_VALIDATED)
     wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
     fixed = [key for key in keys if key not in wanted]
     if not wanted:
@@ -57,6 +55,9 @@ def identify_parameters(
             f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
         )
     posterior = posterior_of(procedure, signals, vehicle, progress)
+    warnings = [words for drive in signals.drives for words in drive.warnings]
+    warnings += [NOT_VALIDATED] if holdout is None else []
+    warnings += unlike(posterior.objective, posterior.fit, posterior.problem.nuisances)
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
     source = f"clutchest identify {procedure.name}, {names_of(sources)}"
     parameters, changed_to = {}, dict(vehicle.parameters)

@@ -21,7 +21,7 @@ from clutchest.can.frames import Frames
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
-from clutchest.reading.overlapping import TimedLog, at_the_same_time, given_twice
+from clutchest.reading.overlapping import at_the_same_time, given_twice
 from clutchest.reading.plausible import plausible
 from clutchest.reading.table_drives import drives_of
 from clutchest.reading.table_formats import is_table, tables_in_words
@@ -153,7 +153,7 @@ def _tables_drive(
     parts = drives_of(mapped, SPLIT_S)
     drives = [window.of_signals(plausible(part, vehicle, database)) for part in parts]
     kept = tuple(drive for drive in drives if drive)
-    return _Drives(kept, warnings=_overlapping(group) if kept else _outside(group))
+    return _Drives(kept, warnings=tuple(at_the_same_time(group)) if kept else _outside(group))
 
 
 def _frames_drives(
@@ -178,23 +178,15 @@ def _frames_drives(
             unmapped.append(problem)
     warnings = [piece.warning for piece in group if piece.warning]
     if drives:
+        warnings += at_the_same_time(group)
         warnings += [
-            *_overlapping(group),
-            *(
-                f"left out: {piece.path}: no frame that {vehicle.path.name} maps"
-                for piece in group
-                if not piece.mapped
-            ),
+            f"left out: {piece.path}: no frame that {vehicle.path.name} maps"
+            for piece in group
+            if not piece.mapped
         ]
     elif not unmapped:
         warnings += _outside(group)
     return _Drives(tuple(drives), tuple(unmapped), tuple(warnings))
-
-
-def _overlapping(group: Sequence[_Piece]) -> tuple[str, ...]:
-    """Warnings of logs that say the same things at the same time."""
-    timed = [TimedLog(p.path, p.content, p.start, p.end) for p in group if p.absolute]
-    return tuple(at_the_same_time(timed))
 
 
 def _outside(group: Sequence[_Piece]) -> tuple[str, ...]:
@@ -269,8 +261,7 @@ def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
 def _decoded_by(
     vehicle: Vehicle, logs: Sequence[Any], framed: Sequence[Path]
 ) -> tuple[Database, list[Message]]:
-    """The database and the mapped messages of logs, those that are ``framed`` of frames; without
-    such a log no message."""
+    """The database of logs, and the mapped messages where some are ``framed``, of frames."""
     folders = [log.parent for log in logs if isinstance(log, Path)]
     if not framed:
         return _database_if_available(vehicle, folders), []

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,24 @@ LEAST_NS = 1_000_000_000  # of one overlap; logs are cut within less
 SAME = 0.5  # of the readings in an overlap, from which on both logs hold the same ones
 
 
-@dataclass(frozen=True, slots=True)
-class TimedLog:
-    """A log on an absolute clock: its contents, and from when until when, ns."""
+class TimedLog(Protocol):
+    """A log: its contents, and from when until when, ns."""
 
-    path: Path
-    content: Frames | Signals
-    start: int
-    end: int
+    @property
+    def path(self) -> Path:
+        """Its file."""
+
+    @property
+    def content(self) -> Frames | Signals:
+        """What is in it."""
+
+    @property
+    def start(self) -> int:
+        """The time of its first reading."""
+
+    @property
+    def end(self) -> int:
+        """The time of its last one."""
 
 
 def at_the_same_time(logs: Sequence[TimedLog]) -> Iterator[str]:
