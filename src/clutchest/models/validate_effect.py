@@ -27,6 +27,10 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
     model = machine.equations(machine.units)
     if effect.model not in ("", machine.name):
         return f"is of the model '{effect.model}', expected '{machine.name}'"
+    if effect.equation not in (equations := _equations(machine)):
+        return f"acts in '{effect.equation}', which is no equation" + nearest(
+            effect.equation, equations
+        )
     if is_curve(effect.name):
         return "has a name that is kept for curves, expected another"
     if not effect.gains:
@@ -54,7 +58,16 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
         valid = [n.key for n in effect.parameters] if isinstance(error.obj, Gains) else known
         return f"uses '{error.name}', which does not exist" + nearest(str(error.name), valid)
     except Exception as error:  # the user's code may raise anything
-        return f"cannot be evaluated: {type(error).__name__}: {' '.join(str(error).split())}"
+        hint = "; expected ca.fmax, ca.fmin or ca.if_else" if "truth value" in str(error) else ""
+        return f"cannot be evaluated: {type(error).__name__}: {' '.join(str(error).split())}{hint}"
+
+
+def _equations(machine: Machine) -> set[str]:
+    """Where errors of a machine, and its own effects, may be."""
+    named = [term.equation for term in machine.error_terms.values()]
+    named += [effect.equation for effect in machine.effects.values()]
+    ends = {f"{end}:{name}" for name in machine.units for end in ("sensor", "timing")}
+    return ends | {*named}
 
 
 def _wrong_number(number: Number) -> str | None:
@@ -92,10 +105,11 @@ def _defect_of_values(
         with_.along(_results(with_, n), longer, u, w, p, g) for g in (absent, present)
     )
     fine = np.isfinite(old)
-    if np.any(fine.any(axis=1) & ~(fine & np.isfinite(at_zero) & np.isfinite(at_half)).any(axis=1)):
+    if not np.isfinite(at_zero[fine]).all() or np.any(
+        fine.any(axis=1) & ~(fine & np.isfinite(at_half)).any(axis=1)
+    ):
         return "makes a quantity that is not a finite number"
-    both = fine & np.isfinite(at_zero)
-    if np.any(np.abs(at_zero - old)[both] > SAME * np.maximum(np.abs(old), 1.0)[both]):
+    if np.any(np.abs(at_zero - old)[fine] > SAME * np.maximum(np.abs(old), 1.0)[fine]):
         return "changes the equations at gain 0, where it must be absent"
     return None
 
