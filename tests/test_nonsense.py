@@ -181,6 +181,14 @@ def test_nonsense(name, at_hand, tmp_path):
             lambda run: clutchest.discover(run, "truck", effects_files="a.py"),
             "effects_files: expected a list, not 'a.py'",
         ),
+        (
+            lambda run: clutchest.discover(run, "truck", effects_files=["a.py", 3]),
+            "effects_files: expected a path in the list, not 3",
+        ),
+        (
+            lambda run: clutchest.Signal.joined([run.signals["engine_speed"], run]),
+            "parts: expected a Signal in the list, not a Run",
+        ),
         (lambda run: clutchest.Monitor(None, "truck"), "bus: expected a BusABC, not None"),
         (lambda run: clutchest.Signal.joined([]), "parts: expected one signal at least"),
         (

@@ -52,8 +52,15 @@ def checked(function: Callable[P, T], *, own: tuple[str, ...] = ()) -> Callable[
 
 def check(name: str, value: Any, hint: Any) -> None:
     """Raises ClutchestError for a value of a ``name`` that is of no type in the annotation."""
-    if not _fits(value, hint):
-        raise ClutchestError(f"{name}: expected {_words(hint)}, not {_shown(value, hint)}")
+    if _fits(value, hint):
+        return
+    for each in (hint, *get_args(hint)):
+        if isinstance(value, list | tuple) and get_origin(each) in _LISTS:
+            of = get_args(each)[0]
+            for part in (part for part in value if not _fits(part, of)):
+                words = f"expected {_words(of)} in the list, not {_shown(part, of)}"
+                raise ClutchestError(f"{name}: {words}")
+    raise ClutchestError(f"{name}: expected {_words(hint)}, not {_shown(value, hint)}")
 
 
 def checked_fields(kind: type[T]) -> type[T]:

@@ -40,6 +40,7 @@ def test_settings_by_keyword_and_as_a_value(bus, tmp_path):
     monitor.add_watcher(second)
     assert monitor.settings.rate == 5.0
     status = monitor.run(0.3)
+    assert repr(status) == "<SessionStatus: truck, 0.0 s, 0 frames (lost: not known), 0 rows>"
     assert status.frames == 0 and "received.log" in monitor.written
     assert first.closed == second.closed == 1
 

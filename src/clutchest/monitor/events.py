@@ -68,6 +68,10 @@ class SessionStatus:
     address: str = ""
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
+    def __repr__(self) -> str:
+        rows = f"{self.frames} frames ({self.losses}), {self.rows} rows"
+        return f"<SessionStatus: {self.vehicle}, {self.now:.1f} s, {rows}>"
+
     @property
     def losses(self) -> str:
         """Frames that were lost, and what was no frame, in words."""
