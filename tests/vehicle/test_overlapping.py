@@ -83,3 +83,8 @@ def test_a_drive_that_is_given_decoded_too_is_named(truck, frames, tmp_path):
     assert words.startswith("b.csv has the very samples of a.log")
     alone = read_log(tmp_path / "a.log", truck)
     assert not any(TWICE in words for words in alone.warnings)
+
+
+def test_a_truck_that_is_parked_twice_is_not(truck):
+    parked = pd.DataFrame({"time": np.arange(100) / 100.0, "engine_speed": 0.0})
+    assert not any(TWICE in words for words in read_log([parked, parked], truck).warnings)

@@ -57,13 +57,15 @@ def at_the_same_time(logs: Sequence[TimedLog]) -> Iterator[str]:
 
 
 def given_twice(drives: Sequence[Signals]) -> Iterator[str]:
-    """In words, which drives have the very samples of another one."""
+    """In words, which drives have the very samples of another one, in which something changes."""
     alike: dict[int, list[Signals]] = {}
     for drive in drives:
         alike.setdefault(max(map(len, drive.signals.values()), default=0), []).append(drive)
     for some in alike.values():
         for one, other in combinations(some, 2):
-            if one.has_samples_of(other):
+            if one.has_samples_of(other) and any(
+                np.ptp(one[name].only_valid().value) > 0.0 for name in one.available
+            ):
                 yield (
                     f"{names_of(other.sources)} has the very samples of {names_of(one.sources)}: "
                     "one drive that is given twice, and counted twice"
