@@ -61,6 +61,27 @@ def test_an_index_without_a_name_is_asked_for_one(truck):
     assert len(read_log(unnamed.rename_axis("time"), truck)["engine_speed"]) == N
 
 
+def test_named_levels_of_an_index_are_columns(truck):
+    """As of frames that were joined under keys."""
+    keyed = pd.concat({"a": FRAME.set_index("time")}, names=["log"])
+    signals = read_log(keyed, truck)
+    assert len(signals["engine_speed"]) == N
+    assert [w.split(";")[0] for w in signals.warnings] == ["DataFrame: column 'log' ignored"]
+
+
+def test_rows_of_a_frame_are_counted_as_pandas_does(truck):
+    words = FRAME.astype({"engine_speed": object})
+    words.loc[3, "engine_speed"] = "n/a"
+    (warning,) = read_log(words, truck).warnings
+    assert warning.startswith("DataFrame: row 3: engine_speed 'n/a' is not a number")
+
+
+def test_estimates_are_no_log(truck):
+    run = clutchest.replay("demo", truck)
+    with pytest.raises(ClutchestError, match="DataFrame: is a result of clutchest, expected a log"):
+        read_log(run.to_pandas(), truck)
+
+
 def test_a_frame_is_no_file_to_inspect(truck):
     with pytest.raises(ClutchestError, match=r"; they may be renamed, or named in \[columns\]"):
         read_log(FRAME.rename(columns={"engine_speed": "n_eng"}), truck)

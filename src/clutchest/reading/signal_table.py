@@ -170,15 +170,15 @@ def stated_unit(column: pa.Field) -> str:
 
 
 def of_frame(source: str, frame: pd.DataFrame, stated: Mapping[str, str] | None = None) -> Frame:
-    """A DataFrame whose index is a column too, where it has a name or holds times."""
+    """A DataFrame whose index is a column too, every level that has a name or holds times."""
     import pandas as pd
 
-    times = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    if times or frame.index.name is not None:
-        name = frame.index.name or "time"
-        if name not in frame.columns:
-            frame = frame.rename_axis(name).reset_index()
+    if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex) and not frame.index.name:
+        frame = frame.rename_axis("time")
+    if names := [n for n in frame.index.names if n is not None and n not in frame.columns]:
+        frame = frame.reset_index(level=names)
     of_frame = frame.attrs.get("units", {})
     units = {str(k): str(u) for k, u in of_frame.items()} if isinstance(of_frame, dict) else {}
     frame = frame.rename(columns=lambda name: str(name).strip())
-    return Frame(source, frame, {**units, **(stated or {})})
+    first_row = 0 if source == DATA_FRAME else Frame.first_row
+    return Frame(source, frame, {**units, **(stated or {})}, first_row)

@@ -64,6 +64,8 @@ def read_table(
     found = places(table, columns, mapped)
     if not found:
         raise _nothing_known(table, columns, mapped)
+    if any({f"{name}_std", f"{name}_valid"} <= set(table.units) for name in found):
+        raise ClutchestError(f"{table.source}: is a result of clutchest, expected a log")
     clock = clock_of(table, mapped) if isinstance(table, RowTable) else None
     file = Path(table.source).name
     warnings = [f"{file}: {words}" for words in table.notes]
