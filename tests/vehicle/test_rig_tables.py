@@ -77,7 +77,7 @@ def test_a_table_without_times_says_how_they_may_be_named(tmp_path):
 def test_signals_of_another_machine_are_said_to_be_its(tmp_path):
     rig, truck = clutchest.load_vehicle("alsd_rig"), clutchest.load_vehicle("truck")
     log = written(tmp_path / "rig.csv", ["armature_voltage", "motor_angle"], "Zeit")
-    with pytest.raises(ClutchestError, match="those of machine 'alsd': --vehicle alsd_rig"):
+    with pytest.raises(ClutchestError, match="those of machine 'alsd', as of vehicle alsd_rig"):
         read_log(log, truck)
     log = written(tmp_path / "own.csv", ["U", "alpha"], "Zeit")
     with pytest.raises(ClutchestError, match=r"columns: U, alpha; .*inspect own\.csv.*columns"):

@@ -102,7 +102,7 @@ def _whose(table: SignalTable, unknown: Sequence[str]) -> str:
     headers = {header: split_header(header) for header in unknown}
     for machine in shipped_machines():
         if sum(header_of(name, headers) is not None for name in machine.units) > 1:
-            return f"; they are those of machine '{machine.name}': --vehicle {machine.template}"
+            return f"; they are those of machine '{machine.name}', as of vehicle {machine.template}"
     if not unknown:
         return ""
     if table.source == DATA_FRAME:
