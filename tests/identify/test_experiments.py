@@ -136,6 +136,24 @@ def test_a_bench_that_the_data_contradict_is_refused():
         run("I1", log("I3", duration=10.0), benches=(stated, ()))
 
 
+def test_benches_by_name():
+    held = log("I1", duration=20.0)
+    known = clutchest.identify("I1", held, RIG)
+    for benches in ("rotor-held", ["rotor-held"]):
+        assert clutchest.identify("I1", held, RIG, benches=benches).parameters == known.parameters
+    for benches, said in (
+        (
+            "rotor_held",
+            "bench: machine 'alsd' has no bench 'rotor_held'; did you mean 'rotor-held'",
+        ),
+        (["rotor-held"] * 3, "benches: 3 for 1 drives, expected one, or one for each"),
+        ((("rotor-held",), ()), "benches: expected a BenchSection, not 'r'"),
+        (3, "benches: expected a text or a list, not 3"),
+    ):
+        with pytest.raises(ClutchestError, match=said):
+            clutchest.identify("I1", held, RIG, benches=benches)
+
+
 def test_a_log_that_holds_nothing_of_an_experiment_is_refused_once():
     """A held rotor that is said to be a motor alone: no run, so none of the six numbers."""
     stated = ((BenchSection(0.0, 1e3, "motor-alone"),),)

@@ -5,17 +5,17 @@ procedures that the vehicle's machine declares.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from clutchest.callable_room import call_by
-from clutchest.checked import checked
+from clutchest.checked import check, checked
 from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
 from clutchest.shown import with_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from clutchest.identify.bench_records import Stated
@@ -50,16 +50,17 @@ def identify_vehicle(
     vehicle: Vehicle | str | Path,
     progress: Progress = lambda text, share: None,
     holdout: Signals | Logs | None = None,
-    benches: tuple[Stated, Stated] = ((), ()),
+    benches: str | Sequence[str] | tuple[Stated, Stated] = (),
     refit: bool = False,
 ) -> Fit:
     """Run the procedure of that ``name`` on all drives of ``signals``.
 
     ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
-    takes.  ``holdout``: drives that only measure what the numbers are worth; ``benches`` of each
-    drive of both, for experiments; with ``refit`` these are also fitted by the likelihood of the
-    filter's innovations.  Raises ClutchestError where the machine has no such procedure,
-    or the drives cannot serve.
+    takes.  ``holdout``: drives that only measure what the numbers are worth; ``benches``, for
+    experiments: the name of one for all drives, or of one for each, those of ``holdout`` after the
+    others, or the sections of each drive of both; with ``refit`` these are also fitted by the
+    likelihood of the filter's innovations.  Raises ClutchestError where the machine has no such
+    procedure, or the drives cannot serve.
     """
     from clutchest.reading import as_signals
     from clutchest.vehicle import load_vehicle
@@ -71,9 +72,37 @@ def identify_vehicle(
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
-    fit = _identified(name, signals, vehicle, progress, holdout, benches, refit)
+    fit = _identified(
+        name,
+        signals,
+        vehicle,
+        progress,
+        holdout,
+        _stated(benches, signals, holdout, vehicle),
+        refit,
+    )
     warnings = (*_contradicting(signals, vehicle), *fit.warnings, *_surprising(fit, vehicle))
     return replace(fit, begun=signals.begun, before=vehicle, warnings=warnings)
+
+
+def _stated(
+    benches: str | Sequence[str] | tuple[Stated, Stated],
+    signals: Signals,
+    holdout: Signals | None,
+    vehicle: Vehicle,
+) -> tuple[Stated, Stated]:
+    """The benches of both, by name or as they are."""
+    check("benches", benches, str | Sequence)
+    some = [benches] if isinstance(benches, str) else benches
+    names = [name for name in some if isinstance(name, str)]
+    if len(names) < len(some):
+        return benches  # type: ignore[return-value]
+    from clutchest.identify.bench_records import sections_by_name
+
+    drives = [*signals.drives, *(holdout.drives if holdout else ())]
+    every = sections_by_name(names, drives, vehicle)
+    first = len(signals.drives)
+    return every[:first], every[first:]
 
 
 def _contradicting(signals: Signals, vehicle: Vehicle) -> Iterator[str]:

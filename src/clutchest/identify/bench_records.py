@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 
+from clutchest.checked import check
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.other_bench import bench_record
 from clutchest.models.experiments import Benches, BenchRecord, BenchSection
@@ -52,6 +53,7 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
             sections = benches.guess(whole)
             notes.append(_guessed(drive, sections, benches))
         for section in sections:
+            check("benches", section, BenchSection)
             of = whole.between(section.start, section.end)
             records.append(replace(of, bench=section.bench))
             parts.append((drive, section))
@@ -82,13 +84,7 @@ def stated_sections(
 
     Raises ClutchestError for another number of names, or one that is no bench.
     """
-    benches = vehicle.machine.benches
-    for name in names:
-        if benches is None or name not in benches.names:
-            raise ClutchestError(
-                f"--bench: machine '{vehicle.machine.name}' has no bench '{name}'"
-                + nearest(name, benches.names if benches else ())
-            )
+    _check_names(names, vehicle)
     if not names:
         return [stated_benches(drive) for drive in drives.drives]
     if len(names) not in (1, len(logs)):
@@ -103,6 +99,32 @@ def stated_sections(
                 f"{' '.join(drive.sources)}: pieces of one drive on {len(of)} benches"
             )
     return [(BenchSection(-inf, inf, of.pop()),) for of in every]
+
+
+def sections_by_name(
+    names: Sequence[str], drives: Sequence[Signals], vehicle: Vehicle
+) -> list[tuple[BenchSection, ...]]:
+    """The same, with ``names`` one for all drives or one for each."""
+    _check_names(names, vehicle)
+    if not names:
+        return [stated_benches(drive) for drive in drives]
+    if len(names) not in (1, len(drives)):
+        raise ClutchestError(
+            f"benches: {len(names)} for {len(drives)} drives, expected one, or one for each"
+        )
+    of_all = [*names] * (len(drives) if len(names) == 1 else 1)
+    return [(BenchSection(-inf, inf, name),) for name in of_all]
+
+
+def _check_names(names: Sequence[str], vehicle: Vehicle) -> None:
+    """Raises ClutchestError for one that is no bench of the machine."""
+    benches = vehicle.machine.benches
+    for name in names:
+        if benches is None or name not in benches.names:
+            raise ClutchestError(
+                f"bench: machine '{vehicle.machine.name}' has no bench '{name}'"
+                + nearest(name, benches.names if benches else ())
+            )
 
 
 def _stem(path: str) -> str:

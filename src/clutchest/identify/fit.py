@@ -32,7 +32,10 @@ QUANTITIES = {
     "noise_ar": "correlation of its noise from sample to sample",
     "delay": "how late it is",
 }
-NOT_VALIDATED = "not validated on other data: --holdout LOG names a log that is kept out of the fit"
+NOT_VALIDATED = (
+    "not validated on other data: --holdout LOG (in Python: holdout) names a log that is kept out "
+    "of the fit"
+)
 
 
 @dataclass(frozen=True, slots=True)
