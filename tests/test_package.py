@@ -86,6 +86,31 @@ def test_packages_that_are_called_have_the_signature_of_what_they_call():
         assert inspect.signature(package) == inspect.signature(function)
 
 
+@pytest.mark.slow
+def test_programs_of_others_can_be_checked_by_their_types(tmp_path):
+    """The calls of the pages, by mypy."""
+    api = pytest.importorskip("mypy.api")
+    (tmp_path / "theirs.py").write_text(
+        """
+import numpy as np
+import clutchest
+from clutchest import can
+
+drive = clutchest.simulate("truck", "city", seed=3, duration=300, effects_files=["a.py"])
+run = clutchest.replay([drive, drive], "truck", rate=10)
+mean: float = run["temp_disc"].value.mean()
+found = clutchest.discover(drive, "truck", holdout=[drive], effects_files=["a.py"])
+fit = clutchest.identify("I1", drive, found.extended, benches="rotor-held", progress=None)
+fleet = clutchest.fleet("trucks", fit.vehicle, "out", workers=2, progress=None)
+plan = clutchest.feedforward("alsd_rig", (np.arange(3.0), np.arange(3.0)))
+can.write_frames(can.read_frames("a.blf"), "b.log")
+clutchest.machine.Machine
+"""
+    )
+    said, _, code = api.run(["--strict", str(tmp_path / "theirs.py")])
+    assert code == 0, said
+
+
 def test_installed_version_is_the_package_s():
     assert version("clutchest") == clutchest.__version__
 

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
     from clutchest.fleet.fleet import Fleet, analyse_fleet
+    from clutchest.fleet.fleet import analyse_fleet as fleet
     from clutchest.identify import identify_vehicle
+    from clutchest.identify import identify_vehicle as identify
     from clutchest.identify.fit import Fit
     from clutchest.monitor.monitor import Monitor
     from clutchest.reading import read_log
@@ -92,6 +94,8 @@ __all__ = [
     "discover",
     "feedforward",
     "filterpy_of",
+    "fleet",
+    "identify",
     "identify_vehicle",
     "load_vehicle",
     "read_log",
@@ -120,4 +124,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted((*__all__, *_MODULES))
+    return sorted({*__all__, *_MODULES})

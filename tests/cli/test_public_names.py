@@ -32,7 +32,7 @@ def test_type_checkers_see_the_same_names():
         for alias in node.names
     }
     assert {(home, name) for name, home in clutchest._HOMES.items()} <= imported
-    assert set(clutchest.__all__) == set(clutchest._HOMES) | {"__version__"}
+    assert set(clutchest.__all__) == {*clutchest._HOMES, "fleet", "identify", "__version__"}
 
 
 def test_rooms_are_called_by_their_own_name(tmp_path):

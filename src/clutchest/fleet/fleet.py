@@ -20,7 +20,7 @@ from clutchest.fleet.imprint import Passed
 from clutchest.fleet.logs import FleetLog, logs_of, numbered
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
 from clutchest.models.machine import Machine
-from clutchest.progress import Progress
+from clutchest.progress import Progress, silent
 from clutchest.quantity import Quantity
 from clutchest.shown import Shown, Tabulated, counted, plus_minus
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -214,7 +214,7 @@ def analyse_fleet(
     workers: int | None = None,
     trust: bool = False,
     rate: float = 10.0,
-    progress: Progress = lambda text, share: None,
+    progress: Progress | None = None,
 ) -> Fleet:
     """Estimate over all logs in ``places`` (folders, patterns, files) of vehicles of one kind.
 
@@ -235,7 +235,7 @@ def analyse_fleet(
             name: _tasks(chain, made_by, LogTask(chain[0], "", car, folder, rate))
             for name, chain in chains.items()
         }
-        _run(client, tasks, progress)
+        _run(client, tasks, progress or silent)
     vehicles = tuple(_vehicle_of(name, some, car) for name, some in tasks.items())
     if not any(one.drives for one in vehicles):
         log, why = next((log, why) for one in vehicles for log, why in one.rejected.items())

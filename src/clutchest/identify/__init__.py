@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from clutchest.callable_room import call_by
 from clutchest.checked import check, checked
 from clutchest.errors import ClutchestError, nearest
-from clutchest.progress import Progress
+from clutchest.progress import Progress, silent
 from clutchest.shown import with_unit
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def identify_vehicle(
     name: str,
     signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
-    progress: Progress = lambda text, share: None,
+    progress: Progress | None = None,
     holdout: Signals | Logs | None = None,
     benches: str | Sequence[str] | tuple[Stated, Stated] = (),
     refit: bool = False,
@@ -72,15 +72,8 @@ def identify_vehicle(
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
-    fit = _identified(
-        name,
-        signals,
-        vehicle,
-        progress,
-        holdout,
-        _stated(benches, signals, holdout, vehicle),
-        refit,
-    )
+    stated = _stated(benches, signals, holdout, vehicle)
+    fit = _identified(name, signals, vehicle, progress or silent, holdout, stated, refit)
     warnings = (*_contradicting(signals, vehicle), *fit.warnings, *_surprising(fit, vehicle))
     return replace(fit, begun=signals.begun, before=vehicle, warnings=warnings)
 
