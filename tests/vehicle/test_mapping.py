@@ -182,7 +182,7 @@ def test_file_and_dbc_must_agree_on_names_and_units(send, truck, bus) -> None:
 
     with pytest.raises(
         ClutchestError,
-        match=r"truck\.toml: signals\.engine_speed: the file says "
+        match=r"truck\.toml:\d+: signals\.engine_speed: the file says "
         r"'rad/s', the DBC 'rpm' for EEC1\.EngineSpeed",
     ):
         mapped(BusSignal("EEC1", "EngineSpeed", "rad/s"))

@@ -72,6 +72,15 @@ def contents_of(frames: Frames, database: Database) -> str:
     if known:
         names = sorted(known)
         return "of this DBC the log holds " + ", ".join(names[:8]) + ", …" * (len(names) > 8)
+    elsewhere = {
+        f"{m.name} on channel {channel}"
+        for i, e, channel in each
+        if (m := database.find(i, bool(e)))
+    }
+    if elsewhere:
+        names = sorted(elsewhere)
+        held = ", ".join(names[:8]) + ", …" * (len(names) > 8)
+        return f"the log holds {held}, where 'dbc' says another channel"
     ids = list(dict.fromkeys(f"0x{i:03X}" for i, *_ in each))
     return "the log holds " + ", ".join(ids[:6]) + ", …" * (len(ids) > 6)
 

@@ -90,7 +90,7 @@ class Conversion:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the logs leave open, in words."""
-        return self.content.notes if isinstance(self.content, Frames) else ()
+        return self.content.notes if isinstance(self.content, Frames) else self.content.warnings
 
     @property
     def rejected(self) -> dict[str, int]:

@@ -254,6 +254,9 @@ class Decoding:
             self._decode(bus.message)
         column = self.columns.get((bus.message, bus.signal))
         if column is None or not len(column.rows):
+            if self.account and self.account.messages[bus.message]["frames"]:
+                where = f"{bus.message}.{bus.signal}"
+                self.warnings.append(f"{signal.name}: no frame has {where} (multiplexed otherwise)")
             return NONE
         message = self.database.message(bus.message)
         sender = senders_of(self.frames, column.rows, message)
@@ -271,7 +274,8 @@ class Decoding:
         if not keep.any():
             self.warnings.append(
                 f"{signal.name}: no frame of {bus.message} from the source_address or channel of "
-                "the vehicle file"
+                "the vehicle file; sent by "
+                + ", ".join(name_of(s, message) for s in np.unique(sender).tolist())
             )
         samples = Samples(column.rows, column.value, column.why)
         if not keep.all():

@@ -34,7 +34,7 @@ class TomlFile:
         within(path, VEHICLE_BYTES, "a vehicle file")
         raw = path.read_bytes()
         try:
-            text = raw.decode("utf-8")
+            text = raw.decode("utf-8-sig")
         except UnicodeDecodeError as problem:
             line = raw[: problem.start].count(b"\n") + 1
             raise ClutchestError(f"{path.name}:{line}: not UTF-8 text") from None

@@ -1,0 +1,137 @@
+"""What somebody gets wrong who writes a vehicle file and a DBC of his own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchest.can.database import load
+from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
+from clutchest.reading import load_database
+from clutchest.reading.conversion import Conversion
+from clutchest.reading.mapping import signals_of
+from clutchest.reading.wanted import mapped_messages
+from clutchest.shipped import shipped
+from clutchest.vehicle import load_vehicle
+
+Edit = Callable[..., Path]
+
+OWN = """VERSION ""
+
+BO_ 256 MOTOR_1: 8 MSG
+ SG_ nIst : 0|16@1+ (0.25,0) [0|0] "rpm" Vector__XXX
+
+BO_ 272 GETR_1: 8 EGS
+ SG_ MUX M : 0|4@1+ (1,0) [0|0] "" Vector__XXX
+ SG_ nEin m0 : 16|16@1+ (0.25,0) [0|0] "rpm" Vector__XXX
+"""
+CLUTCH = """message = "ETC1"
+signal = "InputShaftSpeed"
+"""
+
+
+def refusal(path: Path) -> str:
+    vehicle = load_vehicle(path)
+    with pytest.raises(ClutchestError) as refused:
+        mapped_messages(vehicle, load_database(vehicle))
+    return str(refused.value)
+
+
+def own(edited: Edit, tmp_path: Path, *changes: tuple[str, str], dbc: str = OWN) -> Path:
+    """The truck with speeds of a DBC of one's own beside the shipped one."""
+    (tmp_path / "own.dbc").write_text(dbc, encoding="utf-8")
+    return edited(
+        ('"hdt_clutch.dbc"', '"hdt_clutch.dbc", "own.dbc"'),
+        (CLUTCH, 'message = "GETR_1"\nsignal = "nEin"\n'),
+        *changes,
+    )
+
+
+def test_what_the_dbc_contradicts_is_named_with_its_line(edited) -> None:
+    assert refusal(edited(('signal = "EngineSpeed"', 'signal = "EngineSped"'))).startswith(
+        "mine.toml:12: signals.engine_speed: message 'EEC1' has no signal 'EngineSped'; did"
+    )
+    assert refusal(edited(('message = "EEC3"', 'message = "EEC33"'))).startswith(
+        "mine.toml:22: signals.engine_torque: no message 'EEC33'"
+    )
+
+
+def test_a_signal_of_another_message_says_which(edited) -> None:
+    words = refusal(edited((CLUTCH, CLUTCH.replace("ETC1", "EEC1"))))
+    assert words.endswith("; ETC1 has it")
+
+
+def test_a_signal_that_the_dbc_lost_is_named_with_the_dbc_line(edited, tmp_path) -> None:
+    comma = OWN.replace("(0.25,0) [0|0]", "(0,25,0) [0|0]")
+    words = refusal(own(edited, tmp_path, dbc=comma))
+    assert "own.dbc: line 8: 'SG_ nEin m0 : 16|16@1+ (0,25,0)" in words
+    assert "left out: not valid in a DBC" in words
+
+
+def test_one_signal_is_not_two(edited) -> None:
+    """Engine and shaft from one signal would be a clutch that never slips."""
+    same = 'message = "EEC1"\nsignal = "EngineSpeed"\n'
+    words = refusal(edited((CLUTCH, same)))
+    assert words.endswith("input_shaft_speed: EEC1.EngineSpeed is signals.engine_speed already")
+
+
+def test_a_source_address_where_there_is_none(edited, tmp_path) -> None:
+    words = refusal(own(edited, tmp_path, ('"nEin"\n', '"nEin"\nsource_address = 3\n')))
+    assert words.endswith("source_address = 3, but GETR_1 is not of J1939")
+
+
+def test_a_checked_message_without_counter_and_checksum(edited, tmp_path) -> None:
+    path = own(edited, tmp_path, ('["ClutchActuator"]', '["GETR_1"]'))
+    assert ":8: checked: GETR_1 has no signal whose name ends in Counter" in refusal(path)
+
+
+def frames(channel: int = 0) -> Frames:
+    """Both messages of ``OWN`` at 100 Hz; the second only in branch 1."""
+    n = 20
+    data = np.zeros((n, 8), np.uint8)
+    data[:, 1] = 9
+    data[1::2, 0] = 1
+    ids = np.where(np.arange(n) % 2, 272, 256).astype(np.uint32)
+    t_ns = 1_700_000_000_000_000_000 + np.arange(n) * 5_000_000
+    bytes_of = np.full(n, 8, np.uint8)
+    none = np.zeros(n, np.uint8)
+    return Frames(t_ns, np.full(n, channel, np.uint8), ids, none, bytes_of, data)
+
+
+def test_a_branch_that_is_never_sent_is_a_warning(edited, tmp_path) -> None:
+    vehicle = load_vehicle(own(edited, tmp_path))
+    signals = signals_of(frames(), vehicle, load_database(vehicle))
+    assert "input_shaft_speed: no frame has GETR_1.nEin (multiplexed otherwise)" in signals.warnings
+
+
+def test_the_channel_that_has_the_message_is_named(edited, tmp_path) -> None:
+    vehicle = load_vehicle(own(edited, tmp_path, ('"nEin"\n', '"nEin"\nchannel = 0\n')))
+    dbc = load([tmp_path / "own.dbc"])
+    sent = OWN.replace(" M :", " :").replace(" m0 :", " :")
+    (tmp_path / "own.dbc").write_text(sent, encoding="utf-8")
+    plain = load_database(vehicle)
+    assert any(
+        w.endswith("; sent by channel 1") for w in signals_of(frames(1), vehicle, plain).warnings
+    )
+    only = replace(vehicle, signals={"input_shaft_speed": vehicle.signals["input_shaft_speed"]})
+    of_0 = replace(dbc, messages={n: replace(m, channel=0) for n, m in dbc.messages.items()})
+    with pytest.raises(ClutchestError, match=r"GETR_1 on channel 1, MOTOR_1 on channel 1, where"):
+        signals_of(frames(1), only, of_0)
+
+
+def test_convert_says_what_decoding_warns_of(edited, tmp_path) -> None:
+    path = edited(('"EngineSpeed"\nunit = "rpm"\n', '"EngineSpeed"\nunit = "rpm"\nmax = 700\n'))
+    log = shipped("logs")["demo"]
+    read = Conversion.of([str(log)], tmp_path / "r.csv", load_vehicle(path))
+    assert any("samples outside the vehicle file's min … max" in note for note in read.notes)
+
+
+def test_a_byte_order_mark_is_no_key(edited) -> None:
+    path = edited()
+    path.write_text("\ufeff" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert load_vehicle(path).name == "truck"
