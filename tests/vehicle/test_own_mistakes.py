@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchest import replay
 from clutchest.can.database import load
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.reading import load_database
+from clutchest.reading import load_database, read_log
 from clutchest.reading.conversion import Conversion
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.wanted import mapped_messages
@@ -30,6 +31,7 @@ BO_ 272 GETR_1: 8 EGS
  SG_ MUX M : 0|4@1+ (1,0) [0|0] "" Vector__XXX
  SG_ nEin m0 : 16|16@1+ (0.25,0) [0|0] "rpm" Vector__XXX
 """
+ENGINE = 'message = "EEC1"\nsignal = "EngineSpeed"\n'
 CLUTCH = """message = "ETC1"
 signal = "InputShaftSpeed"
 """
@@ -135,3 +137,52 @@ def test_a_byte_order_mark_is_no_key(edited) -> None:
     path = edited()
     path.write_text("\ufeff" + path.read_text(encoding="utf-8"), encoding="utf-8")
     assert load_vehicle(path).name == "truck"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("noise = 0.06", "noise = 0,06", "; a number has a decimal point"),
+        ("value = 6.51", "value = 6,51", "; a number has a decimal point"),
+        ("noise = 0.06", "noise = 0.06\nnoise = 0.07", "; the key stands there twice"),
+        ('"hdt_clutch.dbc"', r'"C:\daten\own.dbc"', "; expected / between the folders of a path"),
+        ('"hdt_clutch.dbc"', r'"C:\user\own.dbc"', "; expected / between the folders of a path"),
+    ],
+)
+def test_what_is_no_toml_says_what_is_expected(edited, old, new, words) -> None:
+    with pytest.raises(ClutchestError, match=r"mine\.toml:\d+: not TOML: [^;]*" + words):
+        load_vehicle(edited((old, new)))
+
+
+def candump(tmp_path: Path, step: float) -> Path:
+    """Both messages of ``OWN`` for 2 s, in a log whose clock has steps of ``step`` s."""
+    lines = []
+    for k in range(400):
+        stamp = 1_700_000_000 + (k * 0.005 // step * step if step else 0.0)
+        lines.append(f"({stamp:.6f}) can0 {(272, 256)[k % 2]:03X}#00{k % 250:02X}000900000000\n")
+    path = tmp_path / "own.log"
+    path.write_text("".join(lines), encoding="utf-8")
+    return path
+
+
+def test_a_clock_that_does_not_tell_samples_apart_is_named(edited, tmp_path) -> None:
+    path = own(edited, tmp_path, (ENGINE, 'message = "MOTOR_1"\nsignal = "nIst"\n'))
+    assert not any(
+        "time of the sample before" in w for w in read_log(candump(tmp_path, 0.005), path).warnings
+    )
+    coarse = read_log(candump(tmp_path, 0.5), path)
+    assert any(
+        "own.log: samples of engine_speed, input_shaft_speed have the time of the sample before"
+        in w
+        for w in coarse.warnings
+    )
+    with pytest.raises(ClutchestError, match=r"own\.log: all samples have the same time; expected"):
+        read_log(candump(tmp_path, 0.0), path)
+
+
+def test_a_coarse_clock_and_absurd_numbers_are_filtered_without_warnings_of_numpy(edited) -> None:
+    far = edited(('value = 6.51, unit = "mm"', 'value = 6.51, unit = "m"'))
+    signals = read_log("demo", "truck", (0, 45))
+    coarse = {n: replace(s, time=np.floor(s.time * 2.0) / 2.0) for n, s in signals.items()}
+    assert "temp_disc" in replay(signals, far).summary["states"]
+    assert "temp_disc" in replay(replace(signals, signals=coarse), "truck").summary["states"]

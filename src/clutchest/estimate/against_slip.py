@@ -27,7 +27,8 @@ def against_slip(drive: Signals, vehicle: Vehicle) -> Contradiction | None:
     if way is None or not set(way.signals) <= set(drive.available):
         return None
     read = drive[way.speed].only_valid()
-    time, speed = read.time, read.value
+    rising = np.diff(read.time, prepend=-np.inf) > 0.0  # a clock may give several one time
+    time, speed = read.time[rising], read.value[rising]
     if len(time) < 2:
         return None
     present = {name: drive[name].only_valid() for name in drive.available}

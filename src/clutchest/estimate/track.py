@@ -125,13 +125,20 @@ def track_of(
             timeline.t[sensed],
             timeline.sensor[sensed],
             filtered.innovation[sensed, 0],
-            np.sqrt(filtered.innovation[sensed, 1]),
+            _root(filtered.innovation[sensed, 1]),
         ),
         engagements=events.certain,
         log_likelihood=filtered.log_likelihood,
         information=Information.of(compiled, rows.time, rows.mode, filtered.gained, before),
         uncertain_slips=events.uncertain,
     )
+
+
+def _root(variance: Floats) -> Floats:
+    """Standard deviations (n), NaN where absurd numbers left no variance."""
+    with np.errstate(invalid="ignore"):
+        root: Floats = np.sqrt(variance)
+    return root
 
 
 def joined(tracks: Sequence[Track]) -> Track:

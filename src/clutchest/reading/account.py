@@ -9,11 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest import memory_mapped
 from clutchest.can.database import Database, Message
 from clutchest.can.decode import DecodedColumn
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.transport import belongs, may_carry
-from clutchest.signals import Why
+from clutchest.errors import ClutchestError
+from clutchest.signals import Signal, Why
+
+_TOGETHER = 0.1  # of the samples, from which on those at the time of another are named
 
 
 @dataclass
@@ -83,6 +87,34 @@ def contents_of(frames: Frames, database: Database) -> str:
         return f"the log holds {held}, where 'dbc' says another channel"
     ids = list(dict.fromkeys(f"0x{i:03X}" for i, *_ in each))
     return "the log holds " + ", ".join(ids[:6]) + ", …" * (len(ids) > 6)
+
+
+def together(signals: Mapping[str, Signal], source: str) -> list[str]:
+    """A warning of the signals of which many samples have the time of the sample before.
+
+    Raises ClutchestError where all samples of a log have one time.
+    """
+    ends = {float(t) for s in signals.values() if len(s) for t in (s.time[0], s.time[-1])}
+    if len(ends) == 1 and any(len(signal) > 1 for signal in signals.values()):
+        raise ClutchestError(
+            f"{source}: all samples have the same time; expected a clock that runs"
+        )
+    names = [name for name, signal in signals.items() if _repeated(signal) > _TOGETHER]
+    if not names:
+        return []
+    return [
+        f"{source}: samples of {', '.join(names)} have the time of the sample before; expected a "
+        "clock that tells them apart, each row once"
+    ]
+
+
+def _repeated(signal: Signal) -> float:
+    """The share of the samples that have the time of the sample before."""
+    time, same = signal.time, 0
+    for part in memory_mapped.portions(len(time) - 1):
+        piece = time[part.start : part.stop + 1]
+        same += int(np.count_nonzero(piece[1:] == piece[:-1]))
+    return same / max(len(time), 1)
 
 
 def words(why: Why) -> str:

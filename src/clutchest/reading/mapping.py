@@ -17,7 +17,7 @@ from clutchest.can.encode import check
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
-from clutchest.reading.account import Account, contents_of, words
+from clutchest.reading.account import Account, contents_of, together, words
 from clutchest.reading.gears import gear_signal, through_gear, through_sent_gear
 from clutchest.reading.message_columns import column_of, without_corrupted
 from clutchest.reading.percent_torque import of_reference
@@ -103,8 +103,8 @@ class Decoding:
         frames, account = self.frames, self.account
         assert account is not None
         mapped = self.locate_messages()
+        source = " ".join(self.sources) or "this log"
         if not mapped.any():
-            source = " ".join(self.sources) or "this log"
             raise NoMappedFrame(
                 f"{source}: no frame of {', '.join(self.wanted)}; "
                 + contents_of(frames, self.database)
@@ -115,6 +115,7 @@ class Decoding:
             column = self.vehicle.machine.column(name)
             made[name] = self._geared(wheel, made.get(column.geared_by) if column else None)
         self._warn_of_missing(account)
+        self.warnings += together(made, source)
         first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
         decoded = sum(counts["decoded"] for counts in account.messages.values())
         passed_over = Counter(dict(frames.passed_over))

@@ -16,6 +16,7 @@ from clutchest.budgets import LARGEST
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import shipped_machines
+from clutchest.reading.account import together
 from clutchest.reading.signal_table import DATA_FRAME, RowTable, SignalTable
 from clutchest.reading.table_columns import (
     TIME,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _INDEX = re.compile(r"^(Unnamed: \d+|index|Index|#|)$")
-_TOGETHER = 0.1  # of the samples, from which on those at the time of another are named
 _MOST_NAMED = 8  # columns that are not used
 
 
@@ -161,7 +161,6 @@ class _Rows:
             self.end = float(self.clock.time[timed].max())
             self.warnings += _backward(self.table, self.clock.time, timed)
         self._useful = np.zeros(self.table.rows, bool)
-        self._together: list[str] = []
 
     def signal(
         self, name: str, place: Place, columns: Mapping[str, str], vehicle: Vehicle | None
@@ -190,10 +189,7 @@ class _Rows:
             self.warnings.append(f"{file}: column '{place.column}' is empty")
         rows = slice(None) if given.all() else np.flatnonzero(given)  # quicker than a mask
         value = self._in_unit(column.value[rows], name, place, columns[name], vehicle)
-        signal = Signal.of(name, columns[name], time[rows], value)
-        if np.count_nonzero(np.diff(signal.time) == 0.0) > _TOGETHER * len(signal):
-            self._together.append(name)
-        return signal
+        return Signal.of(name, columns[name], time[rows], value)
 
     def _in_unit(
         self, value: Floats, name: str, place: Place, unit: str, vehicle: Vehicle | None
@@ -224,11 +220,7 @@ class _Rows:
         """All of them, with an account."""
         useful = int(self._useful.sum()) if self.clock is not None else self.useful
         start_ns = self.clock.start_ns if self.clock is not None else self.table.start_ns
-        if self._together:
-            self.warnings.append(
-                f"{Path(self.table.source).name}: samples of {', '.join(self._together)} have the "
-                "time of the sample before; expected a clock that tells them apart, each row once"
-            )
+        self.warnings += together(signals, Path(self.table.source).name)
         begin = self._begin(signals)
         if begin:
             file = Path(self.table.source).name

@@ -44,7 +44,8 @@ class TomlFile:
             at = re.search(r"line (\d+)", str(problem))
             line = int(at[1]) if at else text.count("\n") + 1
             what = re.sub(r" \(at [^)]*\)", "", str(problem))
-            raise ClutchestError(f"{path.name}:{line}: not TOML: {what}") from None
+            hint = _hint(what, text.split("\n")[line - 1])
+            raise ClutchestError(f"{path.name}:{line}: not TOML: {what}{hint}") from None
         except ValueError:  # Python reads no longer numbers
             line = _line_of(text, lambda line: max(map(len, re.findall(r"\d+", line)), default=0))
             raise ClutchestError(f"{path.name}:{line}: a number of too many digits") from None
@@ -166,6 +167,15 @@ def shown(value: Any) -> str:
     except (RecursionError, ValueError):
         return f"a {type(value).__name__} that is too long or too deep"
     return text if len(text) <= 80 else f"{text[:77]}…"
+
+
+def _hint(what: str, line: str) -> str:
+    """What is expected in a ``line`` that is not TOML."""
+    if "\\" in line and re.search("Unescaped|hex|Unterminated", what):
+        return "; expected / between the folders of a path, or '…' around it"
+    if re.search(r"=\s*[-+]?\d+,\d", line):
+        return "; a number has a decimal point"
+    return "; the key stands there twice" if "overwrite" in what else ""
 
 
 def _line_of(text: str, size: Callable[[str], int]) -> int:
