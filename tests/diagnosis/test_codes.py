@@ -17,6 +17,8 @@ from clutchest.diagnosis.codes import (
     status_byte,
 )
 from clutchest.diagnosis.faults import Alarm, stream_tests
+from clutchest.diagnosis.streams import StreamTests
+from clutchest.errors import ClutchestError
 from clutchest.shipped import shipped
 from clutchest.vehicle import load_vehicle
 from clutchest.vehicle.text import dump_vehicle
@@ -74,3 +76,22 @@ def test_the_vehicle_file_may_state_other_numbers(tmp_path):
     assert number_of_set(("wear", "position_offset"), mine) == (5000, 11)
     dump_vehicle(mine, tmp_path / "again.toml")
     assert load_vehicle(tmp_path / "again.toml").codes == mine.codes
+
+
+def test_a_code_of_a_fault_that_there_is_not_is_refused_with_its_line(tmp_path) -> None:
+    text = shipped("vehicles")["truck"].read_text(encoding="utf-8")
+    path = tmp_path / "mine.toml"
+    path.write_text(text + '\n[monitors.codes]\n"stuck:engin_speed" = { spn = 190 }\n', "utf-8")
+    line = text.count("\n") + 3
+    with pytest.raises(
+        ClutchestError,
+        match=rf"mine\.toml:{line}: monitors\.codes: no fault .*'stuck:engine_speed'",
+    ):
+        StreamTests(load_vehicle(path))
+    path.write_text(
+        text + '\n[monitors.codes]\n"stuck:accelerator_pedal" = { spn = 91 }\n'
+        '"late:EEC3" = { spn = 1 }\n"contradiction:zero_position" = { spn = 2 }\n'
+        '"silent:2" = { spn = 3 }\nclutch = { spn = 4 }\nwear = { spn = 5 }\n',
+        "utf-8",
+    )
+    assert len(StreamTests(load_vehicle(path)).vehicle.codes) == 6

@@ -121,6 +121,18 @@ def test_what_is_missing_may_be_in_percent(tmp_path: Path) -> None:
     assert "in %: Stroke [%], which 'reference'" in words
 
 
+def test_what_is_missing_may_have_a_name_of_its_own(tmp_path: Path) -> None:
+    """A stroke in mm under a name that nobody knows is no candidate, but the draft shows it."""
+    path = log(tmp_path, "Travel")
+    dbc = (tmp_path / "car.dbc").read_text()
+    (tmp_path / "car.dbc").write_text(
+        dbc.replace('Gear : 48|8@1+ (1,0) [0|15] ""', 'KUsN : 48|8@1+ (10,0) [0|0] "um"')
+    )
+    found = inspect_logs([path], [tmp_path / "car.dbc"], model="dry_clutch")
+    (words,) = (words for words in found.missing if words.startswith("signals.slave_position"))
+    assert words.endswith("no signal has a matching SPN or name; in such a unit: M1.KUsN")
+
+
 def test_a_setpoint_comes_after_what_is_measured(tmp_path: Path) -> None:
     path = log(tmp_path, "EngineSpeedTarget")
     (tmp_path / "car.dbc").write_text((tmp_path / "car.dbc").read_text().replace("S1", "EngineRpm"))

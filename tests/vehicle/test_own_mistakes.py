@@ -92,6 +92,44 @@ def test_a_checked_message_without_counter_and_checksum(edited, tmp_path) -> Non
     assert ":8: checked: GETR_1 has no signal whose name ends in Counter" in refusal(path)
 
 
+def test_a_signal_that_is_no_number(edited, tmp_path) -> None:
+    words = refusal(
+        own(
+            edited, tmp_path, dbc=OWN.replace("16|16@1+", "16|65@1+").replace(": 8 EGS", ": 64 EGS")
+        )
+    )
+    assert words.endswith("signals.input_shaft_speed: GETR_1.nEin has 65 bits; a number has 64")
+
+
+def test_of_two_signals_of_one_name_the_first_holds(tmp_path) -> None:
+    """Both together would be readings of two things."""
+    twice = OWN.replace(
+        "\n\nBO_ 272", '\n SG_ nIst : 32|8@1+ (1,-125) [0|0] "%" Vector__XXX\n\nBO_ 272'
+    )
+    (tmp_path / "own.dbc").write_text(twice, encoding="utf-8")
+    read = load([tmp_path / "own.dbc"])
+    assert (
+        read.message("MOTOR_1").signal("nIst").start,
+        read.message("MOTOR_1").signal("nIst").branches,
+    ) == (0, ())
+    (words,) = read.warnings
+    assert "line 5: 'SG_ nIst : 32|8@1+" in words
+    assert words.endswith("left out: its message has a signal of this name already")
+
+
+def test_a_factor_of_0_is_a_warning(tmp_path) -> None:
+    (tmp_path / "own.dbc").write_text(OWN.replace("0.25", "0.0", 1), encoding="utf-8")
+    (words,) = load([tmp_path / "own.dbc"]).warnings
+    assert words.endswith("line 4: signal 'nIst' has the factor 0: it never changes")
+
+
+def test_a_delay_in_ms_is_unlikely(edited) -> None:
+    late = edited(("noise = 0.01\n", "noise = 0.01\ndelay = 20\n"))
+    assert load_vehicle(late).notes == (
+        "mine.toml: unlikely: signals.slave_position.delay = 20 s, such sensors have at most 1",
+    )
+
+
 def frames(channel: int = 0) -> Frames:
     """Both messages of ``OWN`` at 100 Hz; the second only in branch 1."""
     n = 20

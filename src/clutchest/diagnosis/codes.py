@@ -6,12 +6,14 @@ J1939's proprietary range unless the vehicle file gives it another one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from zlib import crc32
 
 from clutchest.diagnosis.faults import Alarm, kinds
+from clutchest.errors import nearest
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.toml import error_in
 
 PROPRIETARY = range(520_192, 524_288)  # SPNs for manufacturers' own use
 CLUTCH = PROPRIETARY[0]  # the machine as a whole: a set of faults that cannot be isolated
@@ -86,6 +88,19 @@ def status_byte(drives: Sequence[tuple[float, Sequence[Alarm]]]) -> int:
         if any(a.detected > int(length / TICK_S) * TICK_S for a in alarms):
             code.report(True)
     return code.status
+
+
+def check_codes(vehicle: Vehicle, tests: Iterable[str]) -> None:
+    """Raises ClutchestError for a code of the vehicle file of a fault that is none of the
+    ``tests`` of this vehicle, nor of any that a vehicle of its machine may have."""
+    known = {*tests, *(fault.name for fault in vehicle.machine.faults), WEAR, MISFIT, "clutch"}
+    known |= {f"{kind.kind}:{name}" for kind in kinds() for name in vehicle.machine.units}
+    free = (CONTRADICTION, "silent")  # of any sensor, of any channel
+    for fault in vehicle.codes:
+        if fault not in known and fault.split(":")[0] not in free:
+            keys = ("monitors", "codes", fault)
+            words = f"monitors.codes: no fault '{fault}'{nearest(fault, known)}"
+            raise error_in(vehicle.path, keys, words)
 
 
 def number_of(fault: str, vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:

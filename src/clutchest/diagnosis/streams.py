@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.can.activity import RESOLUTION_NS
+from clutchest.diagnosis.codes import check_codes
 from clutchest.diagnosis.faults import Alarm, Batch, StreamTest, stream_tests
 from clutchest.diagnosis.faults.missing import Missing
 from clutchest.diagnosis.faults.silent import BUS, Silent
@@ -31,6 +32,7 @@ class StreamTests:
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
         self.tests = stream_tests(vehicle, vehicle.false_alarms_per_1000h)
+        check_codes(vehicle, [test.name for test in self.tests])
         self.frames = False  # whether any frame has been received
         self._bus = next(test for test in self.tests if isinstance(test, Silent))
         self._bus.messages = frozenset(test.subject for test in self.tests if test.of_message)

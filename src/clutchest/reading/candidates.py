@@ -124,6 +124,10 @@ class BusSource:
         """Message and signal."""
         return f"{self.message.name}.{self.layout.name}"
 
+    def changes(self) -> bool:
+        """Whether it is a number and has more than one value."""
+        return self.layout.width <= 64 and len(np.unique(self.values().value)) > 1
+
     def measures(self, unit: str) -> bool:
         """Whether its unit, if it states one, may be converted to this one."""
         try:
@@ -136,15 +140,23 @@ class BusSource:
 class SignalSearch:
     """``candidates`` by canonical name, the most likely first; ``sources`` of the first ones;
     ``wheels``: wheel speeds; ``gears``: signals that may be the engaged gear; ``companions``:
-    canonical name → key of the vehicle file → J1939 signal; ``percents``: signals in percent that
-    change and are not among the candidates."""
+    canonical name → key of the vehicle file → J1939 signal; ``rest``: signals with a unit that are
+    not among the candidates."""
 
     candidates: Mapping[str, tuple[SignalCandidate, ...]]
     sources: Mapping[str, BusSource]
     wheels: tuple[BusSource, ...]
     gears: tuple[BusSource, ...]
     companions: Mapping[str, Mapping[str, BusSignal]]
-    percents: tuple[BusSource, ...]
+    rest: tuple[BusSource, ...]
+
+    def percents(self) -> list[str]:
+        """Which others in percent change."""
+        return [s.where for s in self.rest if s.layout.unit == "%" and s.changes()]
+
+    def in_unit(self, unit: str) -> list[str]:
+        """Which others are in a unit that converts to this one, and change."""
+        return [s.where for s in self.rest if s.measures(unit) and s.changes()]
 
 
 def sources_of(
@@ -185,14 +197,10 @@ def search(sources: Sequence[BusSource], machine: Machine) -> SignalSearch:
     gears = tuple(s for s in sources if GEAR.search(s.layout.name) and s.measures("1"))
     taken = {(c.message, c.signal) for found in ranked.values() for c in found}
     taken |= {(bus.message, bus.signal) for parts in companions.values() for bus in parts.values()}
-    percents = tuple(
-        source
-        for source in sources
-        if source.layout.unit == "%"
-        and (source.message.name, source.layout.name) not in taken
-        and len(np.unique(source.values().value)) > 1
+    rest = tuple(
+        s for s in sources if s.layout.unit and (s.message.name, s.layout.name) not in taken
     )
-    return SignalSearch(ranked, of, wheels, gears, companions, percents)
+    return SignalSearch(ranked, of, wheels, gears, companions, rest)
 
 
 def matched_by(source: BusSource, column: Column) -> By | None:

@@ -202,7 +202,11 @@ class Draft:
                     "never turns with the engine in a gear for long: "
                     + ", ".join(_shown(wheel) for wheel in self._wheels()[:4])
                 )
-            words.append(line + percents_in_words(s.where for s in self.found.percents))
+            fitting = self.found.in_unit(column.unit)[:MOST_NAMED]
+            line += f"; in such a unit: {', '.join(fitting)}" if fitting else ""
+            if not units.compatible(column.unit, "%"):
+                line += percents_in_words(self.found.percents())
+            words.append(line)
         if not self.template:
             words += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
         return tuple(words)

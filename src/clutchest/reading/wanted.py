@@ -9,7 +9,7 @@ from clutchest import units
 from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.errors import ClutchestError
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
-from clutchest.vehicle.toml import TomlFile
+from clutchest.vehicle.toml import error_in
 
 _COMPANIONS = ("fraction", "friction", "gear", "other", "less")
 
@@ -36,6 +36,9 @@ def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str,
                 words = f"; {' and '.join(there)} has it" if there else ""
                 words = f"{problem}{words}{_left_out(database, bus.signal)}"
                 raise _contradiction(vehicle, signal, bus, words) from None
+            if layout.width > 64:
+                words = f"{bus.message}.{bus.signal} has {layout.width} bits; a number has 64"
+                raise _contradiction(vehicle, signal, bus, words)
             if complaint := _unit_complaint(bus, layout):
                 raise _contradiction(vehicle, signal, bus, complaint, "unit")
             if bus is signal.bus:
@@ -48,7 +51,7 @@ def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str,
     for name in (name for name in vehicle.checked if name in wanted):
         if not any(key.endswith(("Counter", "Checksum")) for key in database.message(name).signals):
             words = f"checked: {name} has no signal whose name ends in Counter or Checksum"
-            raise _at(vehicle, ("checked",), words)
+            raise error_in(vehicle.path, ("checked",), words)
     return wanted
 
 
@@ -88,13 +91,8 @@ def _contradiction(
 ) -> ClutchestError:
     """An error about the ``key`` of what maps ``bus``, with its line."""
     key = next((name for name in _COMPANIONS if getattr(signal, name) is bus), key)
-    return _at(vehicle, ("signals", signal.name, key), f"signals.{signal.name}: {complaint}")
-
-
-def _at(vehicle: Vehicle, keys: tuple[str, ...], complaint: str) -> ClutchestError:
-    if vehicle.path.is_file():
-        return TomlFile.read(vehicle.path).error(keys, complaint)
-    return ClutchestError(f"{vehicle.path.name}: {complaint}")
+    keys = ("signals", signal.name, key)
+    return error_in(vehicle.path, keys, f"signals.{signal.name}: {complaint}")
 
 
 def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:

@@ -65,7 +65,7 @@ class TomlFile:
         for number, line in enumerate(self.text.splitlines(), 1):
             if header := re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line):
                 path = table = _split(header[1])
-            elif key := re.match(r"\s*([\w\"'.\- ]+?)\s*=", line):
+            elif key := re.match(r"\s*([\w\"'.:\- ]+?)\s*=", line):
                 path = (*table, *_split(key[1]))
             else:
                 continue
@@ -158,6 +158,13 @@ class TomlFile:
         if not isinstance(source, str):
             raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a string")
         return ParameterValue(number, unit, spread if scale == 1.0 else spread * scale, source)
+
+
+def error_in(path: Path, keys: Keys, complaint: str) -> ClutchestError:
+    """An error about the key ``keys`` of a vehicle file that was read before, with its line."""
+    if path.is_file():
+        return TomlFile.read(path).error(keys, complaint)
+    return ClutchestError(f"{path.name}: {complaint}")
 
 
 def shown(value: Any) -> str:

@@ -44,6 +44,7 @@ class BusSignal:
     unit: str
 
 
+LONG_S = 1.0  # s, more than a sensor of a clutch is behind the others
 TIMING = 0.002  # s, by which a signal may be late or early in a healthy vehicle, unless stated
 
 
@@ -162,6 +163,11 @@ def unlikely(
             yield f"unlikely: {p.key} = {value:g} {p.unit}, such machines have {low:g} … {high:g}"
     for name, signal in signals.items():
         column = machine.column(name)
+        if signal.delay > LONG_S:
+            yield (
+                f"unlikely: signals.{name}.delay = {signal.delay:g} s, such sensors have at most "
+                f"{LONG_S:g}"
+            )
         if column is not None and signal.noise > column.noisiest:
             yield (
                 f"unlikely: signals.{name}.noise = {signal.noise:g} {column.unit}, such sensors "

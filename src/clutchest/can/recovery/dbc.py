@@ -19,6 +19,8 @@ _KEYWORD = re.compile(
 )
 _MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
 _SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)")
+# One that no multiplexer switches on.
+_PLAIN_SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*:[^(\"]*\((?P<zero>\s*[-+]?0+(?:\.0*)?\s*,)?")
 # What refers to a message or to one of its signals by the message's id.
 _REFERENCE = re.compile(
     r"\s*(?:CM_\s+SG_|CM_\s+BO_|BA_\s+\"[^\"]*\"\s+SG_|BA_\s+\"[^\"]*\"\s+BO_|VAL_|SIG_VALTYPE_|"
@@ -168,6 +170,22 @@ class _Text:
         if self.lines[number]:
             self.leave_out(number, why)
 
+    def leave_out_twins(self) -> None:
+        """Empty signals whose name their message has already, and note factors of 0."""
+        names: set[str] = set()
+        for number, line in enumerate(_without_words("\n".join(self.lines)).split("\n")):
+            if _MESSAGE.match(line):
+                names = set()
+            elif signal := _PLAIN_SIGNAL.match(line):
+                if signal["name"] in names:
+                    self.leave_out(number, "its message has a signal of this name already")
+                names.add(signal["name"])
+                if signal["zero"]:
+                    self.complaints.append(
+                        f"line {number + 1}: signal '{signal['name']}' has the factor 0: it never "
+                        "changes"
+                    )
+
     def leave_out_references(self) -> bool:
         """Empty what refers to a message or signal that is not there; whether there was any."""
         known: dict[str, set[str]] = {}
@@ -273,6 +291,7 @@ def parsed(text: str) -> tuple[Database, list[str]]:
         raise Irreparable(0, "the file is empty; expected a DBC, ARXML, KCD or SYM")
     text = _NO_RECEIVER.sub(_NOBODY, _NO_SENDER.sub(_NOBODY, text))
     given, strict = _Text(text.splitlines()), True
+    given.leave_out_twins()
     most = min(_MOST, REPAIRED_BYTES // max(len(text), 1) + 2)
     with quiet("cantools"):
         for _ in range(most):
