@@ -16,6 +16,11 @@ def readable(path: str | os.PathLike[str]) -> str:
     return os.fspath(path).encode("utf-8", "backslashreplace").decode()
 
 
+def as_written(path: str | os.PathLike[str]) -> Path:
+    """The path that a user writes: ``~`` is their home, which only some libraries know."""
+    return Path(os.path.expanduser(path))  # noqa: PTH111 (which raises for a name of no user)
+
+
 def names_of(paths: Iterable[str | os.PathLike[str]]) -> str:
     """The names of files in words, without their folders."""
     return ", ".join(readable(Path(path).name) for path in paths)

@@ -9,6 +9,7 @@ from typing import Any
 
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
+from clutchest.paths import as_written
 from clutchest.reading.table_formats import suffix_of, write_table, written_suffixes
 from clutchest.reading.tables import write_signals
 from clutchest.record.files import finished_into
@@ -38,7 +39,7 @@ def save(result: Any, path: str | Path, **options: Any) -> list[Path]:
 
     Raises ClutchestError for a path that does not fit the result, OSError if the disk refuses.
     """
-    path = Path(path)
+    path = as_written(path)
     if isinstance(result, Vehicle):
         if path.suffix != ".toml":
             raise ClutchestError(f"{path}: a vehicle is written as .toml")

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from clutchest.errors import ClutchestError, alike, file_like
+from clutchest.paths import as_written
 
 MOST_NAMED = 3  # files in a folder that was given
 _PACKAGE = Path(__file__).parent
@@ -38,7 +39,7 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
     if not name:
         raise ClutchestError("a file name is empty")
     direct = Path(name)
-    for candidate in (direct, *(folder / direct for folder in beside)):
+    for candidate in (direct, as_written(name), *(folder / direct for folder in beside)):
         if candidate.is_file():
             return candidate
     if found := shipped_file(name, kind):

@@ -29,7 +29,7 @@ from clutchest.generator import (
     Sampled,
 )
 from clutchest.models.effects import Effect, with_files
-from clutchest.paths import named_in_utf8
+from clutchest.paths import as_written, named_in_utf8
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -102,7 +102,7 @@ def write_simulation(
 ) -> Path:
     """Write the drive to ``path`` (format by suffix; ``.csv`` and ``.parquet`` hold decoded
     signals) and the truth beside it; returns the truth's path, ``PATH.truth.parquet``."""
-    path = Path(path)
+    path = as_written(path)
     decoded = path.name.lower().endswith((".parquet", ".csv", ".csv.gz"))
     if not _on_bus(vehicle):
         if not decoded:

@@ -105,3 +105,17 @@ def test_what_does_not_fit(run, tmp_path, name):
     with pytest.raises(ClutchestError, match=r"expected Signals, a Vehicle or a result .* not int"):
         clutchest.save(3, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["x.csv"]
+
+
+def test_the_home_folder_is_what_it_is_in_a_shell(tmp_path, monkeypatch):
+    """Arrow wrote there and all else into a folder named ~."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    run = clutchest.replay("demo", "truck")
+    for paths in (run.save("~/out"), clutchest.write_run(run, "~/out"), run.save("~/a.csv")):
+        assert all(path.is_file() and path.is_relative_to(tmp_path / "home") for path in paths)
+    run.vehicle.save("~/mine.toml")
+    run.signals.save("~/signals.csv")
+    assert clutchest.read_log("~/signals.csv", "~/mine.toml").available == run.signals.available
+    assert [path.name for path in tmp_path.iterdir()] == ["home"]

@@ -20,6 +20,7 @@ from clutchest.fleet.imprint import Passed
 from clutchest.fleet.logs import FleetLog, logs_of, numbered
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
 from clutchest.models.machine import Machine
+from clutchest.paths import as_written
 from clutchest.progress import Progress, silent
 from clutchest.quantity import Quantity
 from clutchest.shown import Shown, Tabulated, counted, plus_minus
@@ -226,7 +227,7 @@ def analyse_fleet(
     """
     required("distributed")
     car = load_vehicle(vehicle, trust=trust)
-    folder = Path(out).resolve()
+    folder = as_written(out).resolve()
     logs = logs_of([places] if isinstance(places, str | Path) else places, folder)
     made_by = f"{__version__} {car.hash} {rate} {vehicle_text(car, car.path)}"
     with client_of(scheduler, workers) as client:

@@ -13,7 +13,7 @@ from pathlib import Path
 from clutchest.can import log_source
 from clutchest.can.formats import log_formats
 from clutchest.errors import ClutchestError
-from clutchest.paths import readable
+from clutchest.paths import as_written, readable
 from clutchest.reading.table_formats import read_suffixes
 from clutchest.shipped import shipped, shipped_file
 
@@ -48,7 +48,7 @@ def logs_of(places: Sequence[str | Path], out: Path | None = None) -> tuple[Flee
     found: dict[Path, FleetLog] = {}
     if not places:
         raise ClutchestError(f"no place of logs is given; {_EXPECTED}" + ", ".join(shipped("logs")))
-    for place in map(str, places):
+    for place in map(str, map(as_written, places)):
         logs = [log for log in _logs_at(place) if out not in log.path.resolve().parents]
         if not logs:
             raise ClutchestError(f"{place}: no log there; {_EXPECTED}" + ", ".join(shipped("logs")))

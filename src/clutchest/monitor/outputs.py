@@ -12,6 +12,7 @@ from clutchest.estimate.drive import Piece
 from clutchest.estimate.replay import provenance
 from clutchest.extras import installed, required
 from clutchest.monitor.store import Session
+from clutchest.paths import as_written
 from clutchest.vehicle import Vehicle
 
 
@@ -23,7 +24,7 @@ class Outputs:
         self, out: str | Path | None, vehicle: Vehicle, serve: tuple[int, int] | None
     ) -> None:
         self._provenance = provenance(vehicle, "")
-        self._session = None if out is None else Session(Path(out), self._provenance)
+        self._session = None if out is None else Session(as_written(out), self._provenance)
         self._recording = None
         self.address = ""
         if serve is not None:

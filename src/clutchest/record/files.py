@@ -22,7 +22,7 @@ from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of, log_of
 from clutchest.extras import installed
-from clutchest.paths import named_in_utf8, readable
+from clutchest.paths import as_written, named_in_utf8, readable
 from clutchest.reading.table_formats import write_table
 from clutchest.shown import plain
 
@@ -58,7 +58,7 @@ def write_run(
     """
     from clutchest.record.arrow import without_pandas
 
-    out = Path(out)
+    out = as_written(out)
     with finished_into(out) as folder:
         with without_pandas(), ThreadPoolExecutor(1) as thread:
             recording = thread.submit(_write_recording, run, folder / "recording.rrd")
