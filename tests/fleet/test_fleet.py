@@ -417,3 +417,16 @@ def test_a_number_of_workers(tmp_path: Path, workers: int) -> None:
     with pytest.raises(ClutchestError, match=f"workers {workers}: expected 1 or more, or None"):
         clutchest.fleet("demo", "truck", tmp_path / "out", workers=workers)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_script_without_a_guard_is_told_of_it(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    script = tmp_path / "mine.py"
+    script.write_text('import clutchest\nclutchest.fleet("demo", "truck", "out", workers=1)\n')
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    *_, last = ended.stderr.splitlines()
+    assert ended.returncode == 1 and "ClutchestError: no worker could be started" in last
+    assert last.endswith('under `if __name__ == "__main__":`, as its workers import the script')

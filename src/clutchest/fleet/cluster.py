@@ -8,6 +8,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import current_process
 from queue import Empty, SimpleQueue
 from time import sleep
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 NO_WORKER = "no worker is left; started again, what is done is kept"
+UNGUARDED = (
+    'a script of your own calls it under `if __name__ == "__main__":`, as its workers import the '
+    "script"
+)
 START_S = 60.0  # for a worker to start in
 PATIENCE_S = 10.0  # without a log that is done, until it is asked whether there is a worker
 SETTLED_S = 1.0  # after its first task, until it counts as started
@@ -28,6 +33,8 @@ _FAILURES = "distributed.scheduler.allowed-failures"
 @contextmanager
 def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     """A client of the cluster at an address, or of one on this machine that ends with it."""
+    if getattr(current_process(), "_inheriting", False):  # it imports the script that called
+        raise ClutchestError(UNGUARDED)
     if workers is not None and workers < 1:
         raise ClutchestError(f"workers {workers}: expected 1 or more, or None for one a core")
     import dask
@@ -61,12 +68,15 @@ def _local_cluster(workers: int) -> Iterator[Any]:
     """So many workers on this machine."""
     from distributed import LocalCluster
 
-    cluster = LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        dashboard_address=None,
-        silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
-    )
+    try:
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
+        )
+    except RuntimeError as problem:
+        raise ClutchestError(f"no worker could be started ({problem}); {UNGUARDED}") from None
     try:
         yield cluster
     finally:
