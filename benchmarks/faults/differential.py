@@ -29,7 +29,7 @@ from differential_runs import DURATION, SCENARIOS, vehicle_of
 from outside_faults import DriftingAngle, JammedMotor
 
 import clutchest
-from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.blocks import blocks_at, problem_of
 from clutchest.diagnosis.drive_diagnosis import effects_for
 from clutchest.diagnosis.fault_tests import FaultTestResults, run_fault_tests
 from clutchest.diagnosis.isolation import explanations, not_excluded, separability
@@ -74,7 +74,7 @@ def run_of(
 def tested(signals: Signals, scenario: str) -> FaultTestResults:
     """The tests of the equations over one run."""
     vehicle = load_vehicle(vehicle_of(scenario))
-    blocks = blocks_of(signals, vehicle, effects_for(vehicle.machine))
+    blocks = blocks_at(problem_of(signals, vehicle, effects_for(vehicle.machine)))
     rate = vehicle.false_alarms_per_1000h
     return run_fault_tests(blocks, vehicle.machine, rate, DURATION / 3600.0)
 

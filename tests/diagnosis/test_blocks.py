@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.blocks import blocks_at, problem_of
 from clutchest.diagnosis.drive_diagnosis import effects_for
 from clutchest.diagnosis.recursive_residuals import nuisances, recursive_residuals
 
@@ -18,7 +18,7 @@ def city(effects=None):
 
 
 def blocks(signals):
-    return blocks_of(signals, TRUCK, effects_for(TRUCK.machine))
+    return blocks_at(problem_of(signals, TRUCK, effects_for(TRUCK.machine)))
 
 
 @pytest.fixture(scope="module")

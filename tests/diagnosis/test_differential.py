@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import clutchest
-from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.blocks import blocks_at, problem_of
 from clutchest.diagnosis.drive_diagnosis import effects_for
 from clutchest.diagnosis.fault_tests import FaultTestResults, run_fault_tests
 from clutchest.diagnosis.isolation import explanations, not_excluded
@@ -25,7 +25,7 @@ def _tested(
 ) -> FaultTestResults:
     rig = clutchest.load_vehicle("alsd_rig")
     signals = clutchest.simulate(rig, scenario, seed, effects, duration=DURATION, onset=onset)
-    blocks = blocks_of(signals, rig, effects_for(rig.machine))
+    blocks = blocks_at(problem_of(signals, rig, effects_for(rig.machine)))
     return run_fault_tests(blocks, rig.machine, rig.false_alarms_per_1000h, DURATION / 3600.0)
 
 

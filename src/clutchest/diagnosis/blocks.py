@@ -95,19 +95,8 @@ def problem_of(
     return with_fitted_gains(Problem.of(signals, vehicle, effects, progress, input_noise=False))
 
 
-def blocks_of(
-    signals: Signals,
-    vehicle: Vehicle,
-    effects: Sequence[Effect],
-    progress: Progress | None = None,
-) -> Blocks:
-    """The blocks of one drive, with the gains of ``effects`` among the unknowns, all of which are 0
-    at the operating point."""
-    return blocks_at(problem_of(signals, vehicle, effects, progress), None, progress)
-
-
 def blocks_at(
-    problem: Problem, present: PresentFault | None, progress: Progress | None = None
+    problem: Problem, present: PresentFault | None = None, progress: Progress | None = None
 ) -> Blocks:
     """The blocks of the one drive of a ``problem``.
 

@@ -16,18 +16,15 @@ from clutchest.diagnosis.faults import Alarm, StreamTest
 from clutchest.diagnosis.freeze_frame import freeze_frame
 from clutchest.diagnosis.isolation import (
     Explanation,
-    explanations,
     hypotheses,
     not_excluded,
     separability,
 )
 from clutchest.diagnosis.monitor_status import lanes, monitor_statuses
-from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.errors import ClutchestError
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Contradiction, Run
-from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.reading import Logs
 from clutchest.signals import Signals
@@ -59,7 +56,7 @@ def diagnose(
         DriveDiagnosis.of(run, signals, track, progress)
         for signals, track in zip(run.signals.drives, run.tracks, strict=True)
     ]
-    faults = [*_stream_faults(run, drives), *_model_faults(run, drives, progress)]
+    faults = [*_stream_faults(run, drives), *_model_faults(run, drives)]
     faults.sort(key=lambda f: (f.drive, f.first_detected_s))
     faults = [*contradictions(run, drives), *faults]
     return Diagnosis(
@@ -135,12 +132,12 @@ def _as_probable(
 # --- faults of the equations ----------------------------------------------------------------------
 
 
-def _model_faults(run: Run, drives: Drives, progress: Progress | None = None) -> list[Fault]:
+def _model_faults(run: Run, drives: Drives) -> list[Fault]:
     faults: list[Fault] = []
     wear = run.vehicle.machine.wear
     same = () if wear is None else wear.same_as  # faults that no signal distinguishes from wear
     for number, drive in enumerate(drives):
-        alarm, causes = _model_alarm(run, drive, progress)
+        alarm, causes = drive.alarm, drive.causes
         if drive.wear.alarm is not None:
             worn = (WEAR, *same)
             faults.append(_model_fault(run, drives, number, worn, drive.wear.alarm, causes))
@@ -155,48 +152,6 @@ def _model_faults(run: Run, drives: Drives, progress: Progress | None = None) ->
     for fault in faults:  # one code for the same fault in several drives
         first.setdefault(fault.fault, fault)
     return list(first.values())
-
-
-def _model_alarm(
-    run: Run, drive: DriveDiagnosis, progress: Progress | None = None
-) -> tuple[Alarm | None, tuple[Explanation, ...]]:
-    """The alarm of the equations' tests in a drive, and the faults that explain it, best first."""
-    results = drive.equations
-    if results is None:
-        return None, ()
-    failed = [r for r in results.faults if r.detected is not None]
-    blocks = results.blocks
-    if not failed:
-        if (k := results.misfit_detected) is None:
-            return None, ()
-        what = "deviations from the model that no known fault explains"
-        return Alarm(float(blocks.begin[k]), float(blocks.end[k]), what=what), ()
-    onsets = {int(r.onset[k]) if r.begins[k] > 1.0 else 0 for r in failed for k in [r.detected]}
-    causes = refitted(
-        drive.valid,
-        run.vehicle,
-        effects_for(run.vehicle.machine),
-        results,
-        explanations(results, sorted(onsets), len(blocks)),
-        progress,
-    )
-    detected = min(r.detected for r in failed if r.detected is not None)
-    began = causes[0].began_s
-    if began is None:
-        began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
-    chance = float(np.exp(-max(r.excess for r in failed)))
-    possible = causes[: len(not_excluded(causes))]
-    what = ", ".join(_with_meaning(cause, run.vehicle.machine) for cause in possible)
-    return Alarm(began, float(blocks.end[detected]), chance=chance, what=what), causes
-
-
-def _with_meaning(cause: Explanation, machine: Machine) -> str:
-    """A cause with its size, and what that means where its effect has words for it."""
-    words = f"{cause.fault} {cause.magnitude}"
-    for fault in machine.faults:
-        if fault.name == cause.fault and cause.determined and fault.key in fault.effect.wording:
-            return f"{words} ({fault.effect.wording[fault.key].of(cause.size)})"
-    return words
 
 
 def _model_fault(

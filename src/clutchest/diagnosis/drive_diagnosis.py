@@ -8,13 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.blocks import blocks_at, problem_of
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import SHORTEST_H, FaultTestResults, run_fault_tests
 from clutchest.diagnosis.faults import Alarm, StreamTest
+from clutchest.diagnosis.isolation import Explanation, explanations, not_excluded
+from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.streams import RECOVERY_S, SILENT_BUS, StreamTests, between
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
+from clutchest.inference.problem import Problem
 from clutchest.models.effects import Effect
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
@@ -38,13 +41,16 @@ class WearTest:
 @dataclass(frozen=True, slots=True)
 class DriveDiagnosis:
     """The results of one drive of ``length`` s; ``equations`` were tested on the ``valid`` signals,
-    None where they could not be, ``why_not`` says why."""
+    None where they could not be, ``why_not`` says why; the ``alarm`` of these tests and the faults
+    that explain it, best first."""
 
     length: float
     valid: Signals
     streams: StreamTests
     equations: FaultTestResults | None
     why_not: str
+    alarm: Alarm | None
+    causes: tuple[Explanation, ...]
     wear: WearTest
 
     @classmethod
@@ -57,11 +63,19 @@ class DriveDiagnosis:
         streams = StreamTests(run.vehicle)
         streams.take(signals, length)
         valid = _valid(signals, streams, run)
-        equations, why_not = None, "signals and model contradict each other"
+        equations: FaultTestResults | None = None
+        alarm: Alarm | None = None
+        causes: tuple[Explanation, ...] = ()
+        why_not = "signals and model contradict each other"
         if track.contradiction is None or streams.explain(track.contradiction):
-            equations, why_not = _equations(run, signals, valid, per_1000h, progress)
+            tested = _equations(run, signals, valid, per_1000h, progress)
+            if isinstance(tested, str):
+                why_not = tested
+            else:
+                (problem, equations), why_not = tested, ""
+                alarm, causes = _explained(problem, equations, progress)
         wear = _wear(run, track, per_1000h, length)
-        return cls(length, valid, streams, equations, why_not, wear)
+        return cls(length, valid, streams, equations, why_not, alarm, causes, wear)
 
 
 def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
@@ -109,25 +123,60 @@ def effects_for(machine: Machine) -> tuple[Effect, ...]:
 
 def _equations(
     run: Run, drive: Signals, signals: Signals, per_1000h: float, progress: Progress | None
-) -> tuple[FaultTestResults | None, str]:
-    """The equations' tests on the valid ``signals`` of a ``drive``, or why there are none."""
+) -> tuple[Problem, FaultTestResults] | str:
+    """The equations of the valid ``signals`` of a ``drive`` and their tests, or why there are
+    none."""
     machine = run.vehicle.machine
     if not machine.faults:
-        return None, f"'{machine.name}' declares no faults that its equations show"
+        return f"'{machine.name}' declares no faults that its equations show"
     lacking = [name for name in machine.fault_signals if name not in drive.available]
     if not lacking and not set(machine.fault_signals) <= signals.available:
-        return None, "a signal that the fault tests of the equations need has failed from the start"
+        return "a signal that the fault tests of the equations need has failed from the start"
     if lacking:
-        return None, f"the fault tests of the equations need {', '.join(lacking)}"
+        return f"the fault tests of the equations need {', '.join(lacking)}"
     try:
-        blocks = blocks_of(signals, run.vehicle, effects_for(machine), progress)
-    except ClutchestError as problem:
-        return None, str(problem)
+        problem = problem_of(signals, run.vehicle, effects_for(machine), progress)
+        blocks = blocks_at(problem, progress=progress)
+    except ClutchestError as error:
+        return str(error)
     if not len(blocks):
-        return None, "no reading of a sensor that the equations predict"
+        return "no reading of a sensor that the equations predict"
     if progress:
         progress("testing", None)
-    return run_fault_tests(blocks, machine, per_1000h, signals.end / 3600.0), ""
+    return problem, run_fault_tests(blocks, machine, per_1000h, signals.end / 3600.0)
+
+
+def _explained(
+    problem: Problem, results: FaultTestResults, progress: Progress | None
+) -> tuple[Alarm | None, tuple[Explanation, ...]]:
+    """The alarm of the equations' tests in a drive, and the faults that explain it, best first."""
+    failed = [r for r in results.faults if r.detected is not None]
+    blocks = results.blocks
+    if not failed:
+        if (k := results.misfit_detected) is None:
+            return None, ()
+        what = "deviations from the model that no known fault explains"
+        return Alarm(float(blocks.begin[k]), float(blocks.end[k]), what=what), ()
+    onsets = {int(r.onset[k]) if r.begins[k] > 1.0 else 0 for r in failed for k in [r.detected]}
+    likely = explanations(results, sorted(onsets), len(blocks))
+    causes = refitted(problem, results, likely, progress)
+    detected = min(r.detected for r in failed if r.detected is not None)
+    began = causes[0].began_s
+    if began is None:
+        began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
+    chance = float(np.exp(-max(r.excess for r in failed)))
+    possible = causes[: len(not_excluded(causes))]
+    what = ", ".join(_with_meaning(cause, problem.vehicle.machine) for cause in possible)
+    return Alarm(began, float(blocks.end[detected]), chance=chance, what=what), causes
+
+
+def _with_meaning(cause: Explanation, machine: Machine) -> str:
+    """A cause with its size, and what that means where its effect has words for it."""
+    words = f"{cause.fault} {cause.magnitude}"
+    for fault in machine.faults:
+        if fault.name == cause.fault and cause.determined and fault.key in fault.effect.wording:
+            return f"{words} ({fault.effect.wording[fault.key].of(cause.size)})"
+    return words
 
 
 def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:

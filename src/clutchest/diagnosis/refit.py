@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.diagnosis.blocks import Blocks, PresentFault, blocks_at, problem_of
+from clutchest.diagnosis.blocks import Blocks, PresentFault, blocks_at
 from clutchest.diagnosis.fault_tests import FaultTestResults, surprise
 from clutchest.diagnosis.isolation import AROUND, Explanation, FaultHypothesis, hypotheses
 from clutchest.diagnosis.recursive_residuals import onset_scores, recursive_residuals
@@ -27,10 +27,8 @@ from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import NOT_EXCLUDED
 from clutchest.inference.white_linearisation import Linearisation
-from clutchest.models.effects import Effect
 from clutchest.progress import Progress
-from clutchest.signals import Floats, Signals
-from clutchest.vehicle import Vehicle
+from clutchest.signals import Floats
 
 STRONG = 5.0  # standard deviations; of a weaker fault the first-order size is within its interval
 PARTS = 16  # of a time, in each of which an onset is tried with the derivatives of the best so far
@@ -66,26 +64,22 @@ class _Fit:
 
 
 def refitted(
-    signals: Signals,
-    vehicle: Vehicle,
-    effects: Sequence[Effect],
+    problem: Problem,
     results: FaultTestResults,
     causes: Sequence[Explanation],
     progress: Progress | None = None,
 ) -> tuple[Explanation, ...]:
-    """``causes`` with the refitted sizes of those that are not excluded, and strong or leave more
-    than noise; they are present from the start as far as that explains the drive as well as a later
-    onset.  What none of that explains has no size.
+    """The ``causes`` in a drive's ``problem`` with the refitted sizes of those that are not
+    excluded, and strong or leave more than noise; they are present from the start as far as that
+    explains the drive as well as a later onset.  What none of that explains has no size.
     """
     known = {h.name: h for h in hypotheses(results)}
-    problem: Problem | None = None
     refits = []
     for cause in causes:
         if cause.behind < NOT_EXCLUDED:
             h = known[cause.fault]
             fit = _fit(results.blocks, h, cause.onset)
             if abs(cause.size) > STRONG * cause.std or not fit.is_noise(results):
-                problem = problem or problem_of(signals, vehicle, effects, progress)
                 cause, fit = _refitted(problem, results, h, cause, fit, progress)
             if not fit.is_noise(results):
                 cause = replace(cause, left=fit.times_noise(results))
