@@ -172,6 +172,8 @@ def _begun(
         lin = at(onset).relinearise(lin, lin.theta, active=free)
         onsets = np.linspace(low, high, PARTS + 1)
         costs = [_nearly(at(float(each)), lin, free) for each in onsets]
+        if np.ptp(costs) < 1.0:  # within the onset's standard deviation
+            break
         found = [fitted(float(onsets[np.argmin(costs)]), lin.theta)]
     return PresentFault(h.index, float(lin.theta[h.index]), onset, grows)
 
