@@ -55,7 +55,8 @@ def simulate(
     """One drive of ``scenario`` as decoded from the bus, with ``truth`` on the same clock.
 
     ``effects`` (name → parameter → value) are added to those of the vehicle file; see
-    :class:`Options` for the rest.  Raises ClutchestError for unknown names.
+    :class:`clutchest.simulation_options.Options` for the rest.  Raises ClutchestError for unknown
+    names.
     """
     vehicle = load_vehicle(vehicle)
     source = (f"{scenario}, seed {seed}",)
