@@ -136,6 +136,9 @@ def test_where_the_signals_show_no_state_there_are_no_bits():
     assert told["information_bits"] is None and told["needs"]
     assert run.summary["wear"] is None
     assert "friction" not in run.tracks[0].information.names
+    unturned = {n: s for n, s in signals.items() if n != "input_shaft_speed"}
+    run = clutchest.replay(replace(signals, signals=unturned), TRUCK)
+    assert run.summary["states"]["friction"]["why"].startswith("no input shaft speed signal")
 
 
 def of(bits, mode, time=None):

@@ -112,6 +112,20 @@ def test_play_cannot_be_in_a_unit(tmp_path: Path) -> None:
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("name", "word"), [("my truck-2", "my_truck_2"), ("4x4", "_4x4")])
-def test_names_as_c_takes_them(name: str, word: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("my truck-2", "my_truck_2"),
+        ("4x4", "v_4x4"),
+        ("18 t / ü", "v_18_t"),
+        ("../x", "x"),
+        ("a__b", "a_b"),
+        ("ü", "v"),
+    ],
+)
+def test_names_as_casadi_takes_them_in_c(name: str, word: str) -> None:
     assert identifier(name) == word
+    x = ca.SX.sym("x")
+    code = ca.CodeGenerator(word)
+    code.add(ca.Function(f"{word}_rates", [x], [x]))
+    assert f"{word}_rates" in code.dump()

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from clutchest import replay
-from clutchest.can.database import load
+from clutchest.can.database import DatabaseFile, load
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading import load_database, read_log
 from clutchest.reading.conversion import Conversion
+from clutchest.reading.inspection import inspect_logs
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.wanted import mapped_messages
 from clutchest.shipped import shipped
@@ -162,6 +163,29 @@ def test_the_channel_that_has_the_message_is_named(edited, tmp_path) -> None:
     of_0 = replace(dbc, messages={n: replace(m, channel=0) for n, m in dbc.messages.items()})
     with pytest.raises(ClutchestError, match=r"GETR_1 on channel 1, MOTOR_1 on channel 1, where"):
         signals_of(frames(1), only, of_0)
+
+
+def test_gears_that_are_never_sent_are_named(edited, tmp_path) -> None:
+    """With them the shaft is never known, though its signal is there."""
+    geared = 'noise = 0.06\ngears = [12, 8]\ngear = { signal = "MUX" }\ngear_numbers = [4, 5]\n'
+    dbc = OWN.replace(" M :", " :").replace(" m0 :", " :")
+    path = own(
+        edited,
+        tmp_path,
+        ('"nEin"\nunit = "rpm"\nnoise = 0.06\n', f'"nEin"\nunit = "rpm"\n{geared}'),
+        dbc=dbc,
+    )
+    vehicle = load_vehicle(path)
+    signals = signals_of(frames(), vehicle, load_database(vehicle))
+    assert "input_shaft_speed: GETR_1.MUX has 1, never one of the gears 4, 5" in signals.warnings
+
+
+def test_inspect_says_on_which_channel_a_database_fits(tmp_path) -> None:
+    (tmp_path / "own.dbc").write_text(OWN, encoding="utf-8")
+    with pytest.raises(
+        ClutchestError, match=r"own\.dbc: 2 of 2 ids of own\.log .* on channel 0; exp"
+    ):
+        inspect_logs([candump(tmp_path, 0.005)], [DatabaseFile(tmp_path / "own.dbc", 1)])
 
 
 def test_convert_says_what_decoding_warns_of(edited, tmp_path) -> None:

@@ -153,8 +153,8 @@ WRONG = [
     ),
     (
         ('unit = "%"\n', 'unit = "Nm"\n'),
-        'unit = "Nm"',
-        r"unit 'Nm' of signals\.engine_torque cannot be converted to '%'",
+        "reference = { value = 3500",
+        r"engine_torque\.reference says what 100 % stands for, and .* is not in %",
     ),
     (("noise_ar = 0.9", "noise_ar = 1.0"), "noise_ar", r"noise_ar must be smaller than 1"),
     (

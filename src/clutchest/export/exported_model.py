@@ -87,6 +87,6 @@ class ExportedModel:
 
 
 def identifier(name: str) -> str:
-    """A name as an identifier of C: letters, digits and underscores."""
-    words = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return words if re.match(r"[A-Za-z_]", words) else f"_{words}"
+    """A name as CasADi takes it in C: a letter, then letters, digits and single underscores."""
+    words = re.sub(r"[\W_]+", "_", name, flags=re.ASCII).strip("_")
+    return words if re.match(r"[A-Za-z]", words) else f"v_{words}".rstrip("_")

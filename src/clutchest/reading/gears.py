@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.signals import Floats, Signal, Why
+from clutchest.vehicle import SignalMap
 
 TOLERANCE = 0.04  # of the ratio; neighbouring gears are at least 20 % apart
 WINDOW = 0.3  # s; averages out the driveline's shuffle, ±8 % at several Hz
@@ -17,6 +18,7 @@ AHEAD = 3.0  # s, by which a gear counts before it is locked: a launch slips in 
 SETTLED = AHEAD + HOLD + WINDOW / 2  # s; later samples do not change a gear
 ENGINE_RUNS = 30.0  # rad/s
 WHEEL_TURNS = 1.0  # rad/s
+_MOST_NAMED = 8  # gears
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,20 @@ def through_sent_gear(
     index = np.minimum(np.searchsorted(sent, gear), len(sent) - 1)
     inside = sent[index] == gear
     return wheel * np.array(ratios)[index], np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
+
+
+def never_sent(gear: Floats, how: SignalMap) -> list[str]:
+    """A warning where the ``gear`` (n) that the bus sends is none of those with a ratio."""
+    assert how.gear is not None
+    expected = how.gear_numbers or range(1, len(how.gears) + 1)
+    if np.isin(gear, expected).any():
+        return []
+    sent, known = (
+        ", ".join(f"{k:g}" for k in each)
+        for each in (np.unique(gear[np.isfinite(gear)])[:_MOST_NAMED], expected)
+    )
+    where = f"{how.name}: {how.gear.message}.{how.gear.signal}"
+    return [f"{where} has {sent or 'no number'}, never one of the gears {known}"]
 
 
 def through_gear(

@@ -208,8 +208,15 @@ def _nothing_known(
 ) -> str:
     """That a DBC is of another bus, in words."""
     theirs = [m for database in databases for m in database.messages.values()]
+    known = [row for row in rows if any(base.find(row.id, row.extended) for base in databases)]
     names = ", ".join(file.path.name for file in dbc)
     log = ", ".join(path.name for path in logs)
+    if known:
+        channels = ", ".join(map(str, sorted({row.channel for row in known})))
+        return (
+            f"{names}: {len(known)} of {len(rows)} ids of {log} are in it, on channel {channels}; "
+            "expected --dbc N=FILE with such a channel"
+        )
     extended = sum(row.extended for row in rows)
     of_them = sum(message.extended for message in theirs)
     words = (

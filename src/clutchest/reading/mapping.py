@@ -18,7 +18,7 @@ from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
 from clutchest.reading.account import Account, contents_of, together, words
-from clutchest.reading.gears import gear_signal, through_gear, through_sent_gear
+from clutchest.reading.gears import gear_signal, never_sent, through_gear, through_sent_gear
 from clutchest.reading.message_columns import column_of, without_corrupted
 from clutchest.reading.percent_torque import of_reference
 from clutchest.reading.plausible import clipped, excluded
@@ -346,6 +346,7 @@ class Decoding:
             gear = self._samples(signal, signal.gear).at(samples.rows)
             value, why = through_sent_gear(value, why, gear, signal.gears, signal.gear_numbers)
             self.gear = gear_signal(time, gear).mapped_to_disk()
+            self.warnings += never_sent(gear, signal)
         return Signal.of(signal.name, unit, time, value, why).mapped_to_disk()
 
     def _time(self, rows: NDArray[np.intp]) -> Floats:

@@ -119,6 +119,9 @@ def _signal(entry: _Entry) -> SignalMap:
             f"signals.{entry.name} is in {entry.table['unit']}; with 'radius', the tyre's rolling "
             f"radius (m), it becomes a wheel speed in {entry.unit}",
         )
+    if reference is not None and entry.table["unit"] != "%":
+        words = f"says what 100 % stands for, and signals.{entry.name} is not in %"
+        raise entry.error("reference", f"signals.{entry.name}.reference {words}")
     unit = entry.file.unit(entry.keys("unit"), entry.table["unit"], expected)
     bus = BusSignal(entry.string("message"), entry.string("signal"), unit)
     minimum, maximum = _limits(entry)

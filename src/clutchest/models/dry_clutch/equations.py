@@ -231,7 +231,7 @@ WITHOUT_SLIP = (
     .unobserved(
         {
             **dict.fromkeys(("temp_body", "temp_housing", "temp_disc", "slip_energy"), _NO_SLIP),
-            **WITHOUT_POSITION.unobservable,
+            **dict.fromkeys(_UNINFORMED, _NO_SLIP),
         }
     )
 )
