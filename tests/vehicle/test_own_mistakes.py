@@ -248,3 +248,33 @@ def test_a_coarse_clock_and_absurd_numbers_are_filtered_without_warnings_of_nump
     coarse = {n: replace(s, time=np.floor(s.time * 2.0) / 2.0) for n, s in signals.items()}
     assert "temp_disc" in replay(signals, far).summary["states"]
     assert "temp_disc" in replay(replace(signals, signals=coarse), "truck").summary["states"]
+
+
+COLUMNS = """
+[columns]
+time = { column = "t", unit = "ms" }
+engine_speed = { column = "n", unit = "rpm" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (
+            'input_shaft_speed = { column = "n", unit = "rpm" }',
+            "column 'n' is columns.engine_speed",
+        ),
+        ("gearbox = 1", "unknown signal of 'dry_clutch' 'gearbox'"),
+        ('accelerator_pedal = { column = "p", min = 5, max = 1 }', "min 5 is not below max 1"),
+    ],
+)
+def test_columns_that_cannot_be(edited, line, words) -> None:
+    with pytest.raises(ClutchestError, match=rf"mine\.toml:\d+: .*{words}"):
+        load_vehicle(edited(extra=f"{COLUMNS}{line}\n"))
+
+
+def test_times_in_a_unit_that_is_too_short_for_them(edited, tmp_path) -> None:
+    rows = "".join(f"{k * 0.01:.2f},{600 + k % 7}\n" for k in range(100))
+    (tmp_path / "t.csv").write_text("t,n\n" + rows, encoding="utf-8")
+    with pytest.raises(ClutchestError, match=r"t\.csv: its rows are 1e-05 s apart by the unit"):
+        read_log(tmp_path / "t.csv", edited(extra=COLUMNS))

@@ -32,6 +32,7 @@ _LIKELY = {  # unit of a canonical signal → others that loggers use
 STATE_PERCENT = "is it in %? Then state that unit, and its 'reference', what 100 % stands for"
 _PERCENT_STEP = 0.125  # of a torque in percent on a bus: every step is a multiple of it
 _LARGEST_STEP = 1.0  # no bus states a percentage more coarsely
+_SHORTEST_S = 5e-5  # from row to row (20 kHz)
 _MOST_PERCENT = 125.0
 _RATIO = 0.15  # by how much two speeds of one shaft may differ
 _LEVEL = 10.0  # times the change from sample to sample: a level, no noise about zero
@@ -213,9 +214,14 @@ def _check_pairs(
 
 def check_steps(time: Floats, stated: bool, vehicle: Vehicle) -> None:
     """Raises ClutchestError where times (n) whose unit is not ``stated`` are too far apart to be in
-    s."""
+    s, and those of a stated unit too close to each other for any log."""
     gap = Thresholds.of(vehicle.modes).gap
     steps = np.diff(time)
+    if stated and len(time) >= FEWEST and 0.0 < (step := float(np.median(steps))) < _SHORTEST_S:
+        raise ClutchestError(
+            f"its rows are {step:.3g} s apart by the unit of time that the header or [columns] of "
+            f"the vehicle file states, expected at least {_SHORTEST_S:g} s"
+        )
     if stated or len(time) < FEWEST or 2 * np.count_nonzero(steps > gap) < len(steps):
         return
     if (step := float(np.median(steps))) > gap:

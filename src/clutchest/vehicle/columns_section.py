@@ -8,7 +8,7 @@ from typing import Any
 
 from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.models.machine import Machine
-from clutchest.vehicle.signals_section import SMALLEST
+from clutchest.vehicle.signals_section import SMALLEST, check_limits
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.vehicle import TIMING, BusSignal, SignalMap, TableColumn, Vehicle
 
@@ -43,6 +43,7 @@ def read_columns(
     units_of = {TIME: "s", **machine.units}
     file.known(("columns",), table, units_of, f"signal of '{machine.name}'")
     columns, made = {}, dict(signals)
+    known: dict[TableColumn, str] = {}
     for name, given in table.items():
         keys = ("columns", name)
         entry = {"column": given} if isinstance(given, str) else file.table(keys, given)
@@ -54,6 +55,8 @@ def read_columns(
         unit = file.unit((*keys, "unit"), entry["unit"], stated) if "unit" in entry else ""
         place = file.string((*keys, "column"), entry.get("column", name))
         columns[name] = TableColumn(place, unit)
+        if (first := known.setdefault(columns[name], name)) != name:
+            raise file.error(keys, f"columns.{name}: column '{place}' is columns.{first} already")
         if not elsewhere:
             like = None if "noise" in entry else _like(machine, name, template)
             made[name] = _signal(file, machine, name, entry, like)
@@ -87,6 +90,8 @@ def _signal(
         noise, noise_ar, spread = like.noise, like.noise_ar, like.delay_spread
     else:
         noise, noise_ar, spread = number("noise", 1e-12), 0.0, TIMING
+    minimum, maximum = number("min"), number("max")
+    check_limits(file, keys, minimum, maximum)
     return SignalMap(
         name,
         BusSignal("", "", ""),
@@ -95,8 +100,8 @@ def _signal(
         delay_spread=number("delay_spread", 1e-6, LONGEST_DELAY_S) or spread,
         noise_ar=number("noise_ar", -0.999, 0.999) if "noise_ar" in entry else noise_ar,
         noise_source=source,
-        minimum=number("min"),
-        maximum=number("max"),
+        minimum=minimum,
+        maximum=maximum,
         period=number("period", 1e-4),
     )
 

@@ -211,11 +211,15 @@ def _noise_ar(entry: _Entry) -> float:
 def _limits(entry: _Entry) -> tuple[float | None, float | None]:
     """Lowest and highest valid value, bus unit."""
     minimum, maximum = entry.number("min"), entry.number("max")
-    if minimum is not None and maximum is not None and minimum >= maximum:
-        raise entry.error(
-            "min", f"signals.{entry.name}: min {minimum:g} is not below max {maximum:g}"
-        )
+    check_limits(entry.file, ("signals", entry.name), minimum, maximum)
     return minimum, maximum
+
+
+def check_limits(file: TomlFile, keys: Keys, minimum: float | None, maximum: float | None) -> None:
+    """Raises ClutchestError where no value can lie between both."""
+    if minimum is not None and maximum is not None and minimum >= maximum:
+        words = f"{'.'.join(keys)}: min {minimum:g} is not below max {maximum:g}"
+        raise file.error((*keys, "min"), words)
 
 
 def _companion(
