@@ -11,7 +11,7 @@ import pytest
 
 from clutchest import replay
 from clutchest.can.database import DatabaseFile, load
-from clutchest.can.frames import Frames
+from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading import load_database, read_log
 from clutchest.reading.conversion import Conversion
@@ -278,3 +278,30 @@ def test_times_in_a_unit_that_is_too_short_for_them(edited, tmp_path) -> None:
     (tmp_path / "t.csv").write_text("t,n\n" + rows, encoding="utf-8")
     with pytest.raises(ClutchestError, match=r"t\.csv: its rows are 1e-05 s apart by the unit"):
         read_log(tmp_path / "t.csv", edited(extra=COLUMNS))
+
+
+def test_frames_of_another_sender_are_named_where_the_dbc_is_not_of_j1939(edited, tmp_path) -> None:
+    """Its message is sent by 0x05, not by 0x00."""
+    dbc = OWN.replace("BO_ 256", "BO_ 2364540158")
+    dbc += 'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\n'
+    path = own(edited, tmp_path, (ENGINE, 'message = "MOTOR_1"\nsignal = "nIst"\n'), dbc=dbc)
+    vehicle = load_vehicle(path)
+    sent = frames()
+    motor = sent.id == 256
+    moved = replace(
+        sent,
+        id=np.where(motor, 0x0CF00405, sent.id).astype(np.uint32),
+        flags=np.where(motor, Flag.EXTENDED, 0).astype(np.uint8),
+    )
+    (words,) = (
+        w
+        for w in signals_of(moved, vehicle, load_database(vehicle)).warnings
+        if "MOTOR_1 has no" in w
+    )
+    assert words.endswith("; 0x0CF00405 would be MOTOR_1 if the DBC said that it is J1939")
+
+
+def test_a_channel_that_is_no_number(edited) -> None:
+    path = edited(('"hdt_clutch.dbc"', '{ file = "hdt_clutch.dbc", channel = "0" }'))
+    with pytest.raises(ClutchestError, match=r"mine\.toml:\d+: dbc\.channel must be an integer"):
+        load_vehicle(path)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.can import j1939
 from clutchest.can.database import Database, Message
 from clutchest.can.decode import DecodedColumn
 from clutchest.can.frames import Flag, Frames
@@ -73,9 +74,11 @@ def contents_of(frames: Frames, database: Database) -> str:
     columns = (frames.id, extended.astype(np.uint32), frames.channel.astype(np.uint32))
     each = np.unique(np.stack(columns), axis=1).T.tolist()
     known = {m.name for i, e, channel in each if (m := database.find(i, bool(e), channel))}
+    alike = _of_one_group([i for i, e, _ in each if e], database)
     if known:
         names = sorted(known)
-        return "of this DBC the log holds " + ", ".join(names[:8]) + ", …" * (len(names) > 8)
+        held = ", ".join(names[:8]) + ", …" * (len(names) > 8)
+        return f"of this DBC the log holds {held}{alike}"
     elsewhere = {
         f"{m.name} on channel {channel}"
         for i, e, channel in each
@@ -86,7 +89,19 @@ def contents_of(frames: Frames, database: Database) -> str:
         held = ", ".join(names[:8]) + ", …" * (len(names) > 8)
         return f"the log holds {held}, where 'dbc' says another channel"
     ids = list(dict.fromkeys(f"0x{i:03X}" for i, *_ in each))
-    return "the log holds " + ", ".join(ids[:6]) + ", …" * (len(ids) > 6)
+    return "the log holds " + ", ".join(ids[:6]) + ", …" * (len(ids) > 6) + alike
+
+
+def _of_one_group(ids: Sequence[int], database: Database) -> str:
+    """In words, which 29-bit ``ids`` would be messages of the database if it were one of J1939."""
+    alike = [
+        f"0x{i:08X} would be {m.name}"
+        for m in database.messages.values()
+        if m.extended and not m.is_j1939 and m.id not in ids
+        for i in ids
+        if not (i ^ m.id) & j1939.pgn_mask(m.id)
+    ]
+    return f"; {', '.join(alike[:3])} if the DBC said that it is J1939" if alike else ""
 
 
 def together(signals: Mapping[str, Signal], source: str) -> list[str]:

@@ -104,8 +104,8 @@ def _databases(file: TomlFile, given: Any) -> tuple[DatabaseFile, ...]:
         for key in ("file", "channel"):
             if key not in table:
                 raise file.error(("dbc",), f"an entry of dbc has no '{key}'")
-        channel = file.integer(("dbc",), table["channel"], LARGEST_CHANNEL)
-        found.append(DatabaseFile(_dbc(file, file.string(("dbc",), table["file"])), channel))
+        channel = file.integer(("dbc", "channel"), table["channel"], LARGEST_CHANNEL)
+        found.append(DatabaseFile(_dbc(file, file.string(("dbc", "file"), table["file"])), channel))
     return tuple(found)
 
 
