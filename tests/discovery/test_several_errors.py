@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+import clutchest
 from clutchest.discovery.nuisances import Nuisances
-from clutchest.discovery.several_errors import CurveColumns, evidence_joined
+from clutchest.discovery.refitted_curves import Located
+from clutchest.discovery.residual_curves import curves
+from clutchest.discovery.several_errors import CurveColumns, evidence_joined, several_errors
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
+from clutchest.models.error_term_effects import error_term_effects
 from made_up import objective_of
 
 
@@ -45,3 +51,15 @@ def test_one_curve_that_explains_an_error_does_not_pay_for_others_that_do_not():
     joined = evidence_joined(bare, [told(each) for each in curves])
     assert joined.which == (2,)
     assert joined.evidence > evidence_joined(bare, [told(np.column_stack(curves))]).evidence + 20.0
+
+
+def test_an_error_for_which_there_is_no_evidence_stands_alone_where_no_other_is_significant():
+    truck = clutchest.load_vehicle("truck")
+    signals = clutchest.simulate(truck, "city", 5, duration=60.0)
+    problem = Problem.of(signals, truck, error_term_effects(truck.machine))
+    objective = Objective.of(problem)
+    fit = objective.white_at(problem.begin)
+    found = curves(objective, fit, Nuisances(fit, problem.nuisances, objective.prior), seed=3)
+    faint = [min(found, key=lambda curve: curve.evidence)]
+    place = Located(faint, objective, fit)
+    assert several_errors(place, problem.nuisances, 0.0).found == [faint]

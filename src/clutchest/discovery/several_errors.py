@@ -71,7 +71,7 @@ def several_errors(place: Located, free: NDArray[np.int64], level: float) -> Err
     joined = [evidence_joined(bare, each) for each in columns]
     first, *others = found
     # several others that explain less together than the first alone do not take its place
-    if sum(each.evidence for each in joined[1:]) > likely[ranked[0]]:
+    if others and sum(each.evidence for each in joined[1:]) > likely[ranked[0]]:
         beside = _beside(bare, columns[1:])
         if fitted:
             p_value = float(np.exp(-evidence_joined(beside, columns[0]).evidence / 2.0))
