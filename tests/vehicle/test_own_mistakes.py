@@ -264,7 +264,6 @@ engine_speed = { column = "n", unit = "rpm" }
             'input_shaft_speed = { column = "n", unit = "rpm" }',
             "column 'n' is columns.engine_speed",
         ),
-        ("gearbox = 1", "unknown signal of 'dry_clutch' 'gearbox'"),
         ('accelerator_pedal = { column = "p", min = 5, max = 1 }', "min 5 is not below max 1"),
     ],
 )
