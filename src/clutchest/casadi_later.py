@@ -7,6 +7,7 @@ loads, its machine's equations and effects.
 from __future__ import annotations
 
 from importlib import import_module
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -23,4 +24,6 @@ else:
 
     ca = _Later()
 
-__all__ = ["ca"]
+symbolic = RLock()  # held by a thread that works on expressions which others may work on, too
+
+__all__ = ["ca", "symbolic"]

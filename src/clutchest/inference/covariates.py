@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.casadi_later import ca, symbolic
 from clutchest.inference.denoising import (
     BRIEF,
     CALM,
@@ -199,9 +199,10 @@ def _series(
     e = model.expressions()
     known = e.quantities.names()
     quantities = tuple(name for name in (*machine.covariates, *also) if name in known)
-    wanted = [getattr(e.quantities, name) for name in quantities]
+    with symbolic:
+        wanted = ca.vertcat(*(getattr(e.quantities, n) for n in quantities), model.power(e))
     values = e.along(
-        ca.vertcat(*wanted, model.power(e)),
+        wanted,
         states,
         at.inputs,
         line.W[line.row],

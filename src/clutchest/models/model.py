@@ -11,7 +11,7 @@ from warnings import catch_warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.casadi_later import ca
+from clutchest.casadi_later import ca, symbolic
 from clutchest.models.effects.effect import Effect, Gains
 from clutchest.models.regimes import SLIDING
 from clutchest.models.symbols import Input, Parameter, Sensor, State
@@ -98,13 +98,15 @@ class Expressions:
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
-        (of_moment,) = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
-        at = ca.Function("along", [self.x, self.u, self.w], [ca.densify(of_moment)])
-        values, whole = np.empty((wanted.numel(), len(x))), at.map(BLOCK)
-        for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
-            some = slice(begin, begin + BLOCK)
-            block = whole if len(x) - begin >= BLOCK else at.map(len(x) - begin)
-            values[:, some] = _each(block, x[some], u[some], w[some]).T
+        values = np.empty((wanted.numel(), len(x)))
+        with symbolic:
+            (of_moment,) = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
+            at = ca.Function("along", [self.x, self.u, self.w], [ca.densify(of_moment)])
+            whole = at.map(BLOCK)
+            for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
+                some = slice(begin, begin + BLOCK)
+                block = whole if len(x) - begin >= BLOCK else at.map(len(x) - begin)
+                values[:, some] = _each(block, x[some], u[some], w[some]).T
         return values
 
 
