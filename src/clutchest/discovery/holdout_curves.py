@@ -19,14 +19,13 @@ from clutchest.discovery.holdout_gain import (
     between,
     block_length,
     carried,
-    fitted,
 )
 from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import covariates, hats, measured_at_rest
 from clutchest.inference.linearisation import Modulation
-from clutchest.inference.map_fit import improve, with_noise_estimated
+from clutchest.inference.map_fit import fitted, improve, with_noise_estimated
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.models.effects.effect import TIME

@@ -15,10 +15,10 @@ from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import brought_near, improve, with_noise_estimated
-from clutchest.inference.objective import NO_SHAPES, Objective
+from clutchest.inference.map_fit import fitted, improve, with_noise_estimated
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import InitialState, Shapes
+from clutchest.inference.unknowns import InitialState
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
@@ -60,13 +60,6 @@ def held_out_gain(
         HeldOutPrediction.of(objective, after),
         objective.span,
     )
-
-
-def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
-    """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
-    free = objective.problem.nuisances
-    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    return improve(objective, begin, free, derivatives=False)
 
 
 def _cost(fit: Linearisation) -> float:

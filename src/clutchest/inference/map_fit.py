@@ -104,6 +104,13 @@ def settle(
     return objective, lin
 
 
+def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
+    """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
+    free = objective.problem.nuisances
+    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
+    return improve(objective, begin, free, derivatives=False)
+
+
 def with_noise_estimated(
     objective: Objective, lin: Linearisation
 ) -> tuple[Objective, Linearisation]:

@@ -10,14 +10,14 @@ that of the whole error.  Likewise where the equations end, as those of an engin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import units
-from clutchest.inference.map_fit import settle
+from clutchest.inference.map_fit import fitted, settle
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.white_linearisation import Linearisation
@@ -31,35 +31,46 @@ REACH = 2.0
 TURNS = 3  # of a fit and of what counts by it, at most
 
 Rows = NDArray[np.bool_]
+FitOf = Callable[[Problem, Floats], tuple[Objective, Linearisation]]
 
 
 def settled_off_ends(problem: Problem) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, as :func:`~clutchest.inference.map_fit.settle` has them, of the
-    readings that count by them."""
-    part = off_ends(problem, problem.begin)
-    return settle(Objective.of(part), part.begin, fitted=True)
+    readings that count by them; of all where none would."""
+
+    def settled(part: Problem, theta: Floats) -> tuple[Objective, Linearisation]:
+        return settle(Objective.of(part), theta, fitted=bool(theta.any()))
+
+    return _off_ends(problem, problem.begin, settled)
 
 
 def off_ends(problem: Problem, theta: Floats) -> Problem:
     """The same with the readings that count by the most probable nuisances from ``theta`` (m) on,
-    where its fits begin then; with all of them where none would.  Noise is as stated, what is
-    slow in it moves a fit too little to bring other readings near an end."""
-    fit = _fitted(problem, theta)
+    in noise as it is stated, where its fits begin then."""
+
+    def near(part: Problem, theta: Floats) -> tuple[Objective, Linearisation]:
+        objective = Objective.of(part)
+        return objective, fitted(objective, theta)
+
+    objective, fit = _off_ends(problem, theta, near)
+    return replace(objective.problem, begin=fit.theta)
+
+
+def _off_ends(problem: Problem, theta: Floats, fit_of: FitOf) -> tuple[Objective, Linearisation]:
+    """A fit from ``theta`` on, and others until the readings count that do by it."""
+    objective, fit = fit_of(problem, theta)
     ends = [_ends(sensor, problem.vehicle) for sensor in problem.compiled.model.sensors]
-    part, counted = problem, [np.ones(len(drive.readings.t), bool) for drive in problem.drives]
-    for _ in range(TURNS if np.isfinite(ends).any() else 0):
+    if not np.isfinite(ends).any():
+        return objective, fit
+    counted = [np.ones(len(drive.readings.t), bool) for drive in problem.drives]
+    for _ in range(TURNS):
         count = _off(problem, fit.theta, counted, np.array(ends))
         same = all(np.array_equal(*each) for each in zip(count, counted, strict=True))
         if same or not any(map(np.any, count)):
             break
-        counted, part = count, problem.counting(count)
-        fit = _fitted(part, fit.theta)
-    return replace(part, begin=fit.theta)
-
-
-def _fitted(problem: Problem, theta: Floats) -> Linearisation:
-    """The most probable nuisances from ``theta`` (m) on, in noise as it is stated."""
-    return settle(Objective.of(problem), theta, turns=0)[1]
+        counted = count
+        objective, fit = fit_of(problem.counting(counted), fit.theta)
+    return objective, fit
 
 
 def _off(problem: Problem, theta: Floats, counted: Sequence[Rows], ends: Floats) -> list[Rows]:
