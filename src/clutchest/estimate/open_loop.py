@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,8 +37,7 @@ class OpenLoop:
         for key, value in parameters.items():
             p[[q.key for q in model.parameters].index(key)] = value
         e = model.expressions()
-        wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
-        return e.along(wanted, self.states, self.inputs, self.flags, p, self.compiled.g)
+        return e.along(e.together(names), self.states, self.inputs, self.flags, p, self.compiled.g)
 
     def state(self, name: str) -> Floats:
         """One state (m,)."""

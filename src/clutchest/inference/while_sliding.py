@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.casadi_later import ca, symbolic
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.signals import Floats
@@ -32,8 +31,7 @@ def while_sliding(
     time, ends = time[inside], ends[inside]
     if not len(time) or not set(names) <= set(e.quantities.names()):
         return np.zeros(0), [np.zeros((len(names), 0)) for _ in numbers]
-    with symbolic:
-        wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
+    wanted = e.together(names)
     states, inputs = (
         np.column_stack([np.interp(time, line.t, column) for column in table.T])
         for table in (at.states, line.u)

@@ -95,6 +95,11 @@ class Expressions:
         by = ca.which_depends(self.mapped[dragged], self.g, 1, False)
         return [k for k, depends in enumerate(by) if depends]
 
+    def together(self, names: Iterable[str]) -> ca.SX:
+        """Quantities one below the other."""
+        with symbolic:
+            return ca.vertcat(*(getattr(self.quantities, name) for name in names))
+
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
