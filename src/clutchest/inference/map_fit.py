@@ -29,12 +29,13 @@ COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over
 NEAR = 10.0  # mean square of the innovations: from here on steps lead on
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
 GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
-STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
-STALLED = 10  # trials in a row, none of which lowered the cost by the share that counts
+STEPS, TURNS = 40, 6  # at most
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
-AHEAD = 0.05  # of a step: where the bend of a valley is measured
-SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
+AHEAD, BENT = 0.1, 0.75  # of a step: where the bend of its path is measured, and how large it is
+SHORTER, LONGER = 0.25, 3.0  # times the last step: how far steps are trusted after it
+POOR, GOOD = 0.25, 0.75  # of what a step promises, below which they are shorter, above, longer
+DAMPING = 0.01, 2.0  # of a step that is too long: at first, and by how much it grows
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
 CLOSELY = 0.3  # of what a step promises, by which it may gain more or less: it is nearly linear
@@ -52,19 +53,6 @@ class Tolerance(NamedTuple):
 
 
 COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
-
-
-class _Counted(NamedTuple):
-    """The ``cost`` when it last fell by a share that counts, and the ``trials`` since."""
-
-    cost: float
-    trials: int = 0
-
-    def after(self, cost: float, tolerance: Tolerance) -> _Counted:
-        """The same after a trial that led to this cost."""
-        if cost < (1.0 - tolerance.share) * self.cost:
-            return _Counted(cost)
-        return self._replace(trials=self.trials + 1)
 
 
 def settle(
@@ -196,54 +184,68 @@ def improve(
     """The same from a linearisation on, with its ``derivatives``, which take several times as long
     as innovations; without them, by as many ``chords``: steps by those of the place before.
 
-    Valleys bend: a step along one may climb its wall, and the next falls back onto its floor.  So a
-    few climbs are let pass before steps are damped (Levenberg, Marquardt).  One that leaves the
-    valley altogether is bent as the valley is, and shortened until it stays within.
+    Steps go as far as they are trusted (Levenberg, Marquardt; Moré 1978), in standard deviations of
+    priors.  Valleys bend: those that are shortened bend as the valley does, and a full one may
+    climb its wall once, as the next often falls back onto its floor.
     """
-    lin = _with_derivatives(objective, lin, free)
-    best, counted, damping, climbs = lin, _Counted(lin.cost), 0.0, 0
-    last, bend, share = np.zeros(len(lin.theta)), None, 1.0
+    lin = best = _with_derivatives(objective, lin, free)
+    trusted, climbed, slow, last = np.inf, False, False, np.zeros(len(lin.theta))
     for _ in range(STEPS):
-        move = step(objective, lin, free, damping)
+        move, damping = _within(objective, lin, free, trusted if lin is best else np.inf)
         if (promised := _promised(objective, lin, move)) < tolerance.step:
             break
-        move = _lengthened(objective, lin, free, move, last)
-        if share < 1.0 and bend is None:
-            bend = _bend(objective, lin, move, free)
-        path = move if bend is None else share * (move + share / 2.0 * bend)
+        if damping:
+            path = move + _bend(objective, lin, move, free, damping)
+        else:
+            path = _lengthened(objective, lin, free, move, last)
         theta = objective.within_bounds(lin.theta + path, free)
         there = objective.relinearise(lin, theta, active=NO_DERIVATIVES)
-        straight = bend is None and not damping
-        if (counted := counted.after(there.cost, tolerance)).trials > STALLED:
-            break
-        if there.cost < best.cost:
-            gained, climbs, damping = best.cost - there.cost, 0, damping / 10.0
-            ends = straight and gained < max(tolerance.step, tolerance.share * there.cost)
-            if straight and not (ends or derivatives):
+        gained, kept = best.cost - there.cost, (lin.cost - there.cost) / promised
+        last = path if gained > 0.0 and not damping else 0.0 * path
+        if gained > 0.0:
+            slight = gained < max(tolerance.step, tolerance.share * there.cost)
+            ends, slow = slight and (slow or not damping), slight
+            if not (damping or ends or derivatives):
                 there, ends = _by_chords(objective, lin, there, free, chords)
             if ends and not derivatives:
                 return there
-            last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
             if known := _known(objective, lin, there.theta, free):
-                best = lin = known
+                best, lin, climbed = known, known, False
                 if ends:
                     break
+                trusted = _trusted(trusted, move, kept)
                 continue
-        last, may_fall = 0.0 * path, bend is None and best.cost <= there.cost < WALL * best.cost
-        climbs += may_fall
-        if may_fall and climbs <= PATIENCE and (known := _known(objective, lin, theta, free)):
-            lin = known
-            continue
-        lin, climbs = best, 0
-        if straight:
-            bend = _bend(objective, best, move, free)
-        elif bend is not None and share > SHORTEST:
-            share *= SHORTENED
-        elif promised < SLIGHT:
+        elif not damping and promised < SLIGHT and -gained < promised:
             break
-        else:
-            bend, share, damping = None, 1.0, max(10.0 * damping, 1.0)
+        if lin is best:
+            trusted = SHORTER * _length(move)
+        climbs = not (damping or climbed) and best.cost <= there.cost < WALL * best.cost
+        climbed |= climbs
+        lin = (_known(objective, lin, theta, free) if climbs else None) or best
     return best
+
+
+def _within(
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64], trusted: float
+) -> tuple[Floats, float]:
+    """A step (m) no longer than is ``trusted``, and its damping: 0 where it is a full one."""
+    move, (damping, grows) = step(objective, lin, free), DAMPING
+    if _length(move) <= trusted:
+        return move, 0.0
+    while _length(move := step(objective, lin, free, damping)) > trusted:
+        damping *= grows
+    return move, damping
+
+
+def _trusted(before: float, move: Floats, kept: float) -> float:
+    """How far steps are trusted after a ``move`` that ``kept`` so much of what it promised."""
+    if kept < POOR:
+        return _length(move) / 2.0
+    return max(before, LONGER * _length(move)) if kept > GOOD else before
+
+
+def _length(move: Floats) -> float:
+    return float(np.linalg.norm(move))
 
 
 def _with_derivatives(
@@ -289,21 +291,6 @@ def _by_chords(
     return there, False
 
 
-def _bend(
-    objective: Objective, lin: Linearisation, move: Floats, free: NDArray[np.int64]
-) -> Floats:
-    """The second derivative (m) of the path along the valley's floor that begins with ``move``:
-    geodesic acceleration (Transtrum and Sethna), from the innovations a little way ahead."""
-    ahead = objective.relinearise(lin, lin.theta + AHEAD * move, active=NO_DERIVATIVES)
-    if not np.isfinite(ahead.cost):
-        return np.zeros(len(lin.theta))
-    curved = 2.0 / AHEAD * ((ahead.r - lin.r) / AHEAD - lin.change(move))
-    curvature = lin.information + np.diag(objective.prior + 1e-9)
-    bend = np.zeros(len(lin.theta))
-    bend[free] = -np.linalg.solve(curvature[np.ix_(free, free)], lin.slope(curved)[free])
-    return bend
-
-
 def _lengthened(
     objective: Objective, lin: Linearisation, free: NDArray[np.int64], move: Floats, last: Floats
 ) -> Floats:
@@ -317,6 +304,26 @@ def _lengthened(
         return move
     times = min(float(square / (square - along)), LONGEST)
     return objective.within_bounds(lin.theta + times * move, free) - lin.theta
+
+
+def _bend(
+    objective: Objective,
+    lin: Linearisation,
+    move: Floats,
+    free: NDArray[np.int64],
+    damping: float,
+) -> Floats:
+    """By how much (m) the path along the valley's floor bends away from a damped ``move``: geodesic
+    acceleration (Transtrum and Sethna 2012), from the innovations a little way ahead.  Nothing
+    where that is so much that the path is none of second order."""
+    ahead = objective.relinearise(lin, lin.theta + AHEAD * move, active=NO_DERIVATIVES)
+    bend = np.zeros(len(lin.theta))
+    if not np.isfinite(ahead.cost):
+        return bend
+    curved = 1.0 / AHEAD * ((ahead.r - lin.r) / AHEAD - lin.change(move))
+    inner = (lin.information + np.diag(objective.prior + damping))[np.ix_(free, free)]
+    bend[free] = -solved(inner, lin.slope(curved)[free])
+    return bend if 2.0 * _length(bend) < BENT * _length(move) else np.zeros(len(bend))
 
 
 def step(
