@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.map_fit import SLIGHT, improve
+from clutchest.inference.map_fit import improve
 from clutchest.inference.objective import Objective
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
@@ -17,6 +17,7 @@ from clutchest.signals import Floats
 ODD = 3.0  # standard deviations of its prior, from which on a number is continued towards it
 FURTHER = 1.0  # the same: than in the fit without what may have led it there
 SHARES = (0.75, 0.5, 0.25, 0.0)  # of its distance, at which it is held in turn
+SLIGHT = 2.0  # of −2 ln(probability): a share that gained less was the last
 
 
 def continue_towards_prior(

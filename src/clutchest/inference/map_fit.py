@@ -39,20 +39,20 @@ DAMPING = 0.01, 2.0  # of a step that is too long: at first, and by how much it 
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
 CLOSELY = 0.3  # of what a step promises, by which it may gain more or less: it is nearly linear
-SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NEARLY = 0.1  # of what chance makes of a sum of squares: a fit that changed it by less is the last
 
 
 class Tolerance(NamedTuple):
-    """Where a fit ends: a step that promises less than ``step`` of −2 ln(probability) is not taken,
-    and one that gained less than ``share`` of the cost was the last: what lies that far off need
-    not be known to the last digit."""
+    """Where a fit ends: a step that promises less than ``step`` of −2 ln(probability), or where it
+    is damped less than ``damped``, is not taken, and one that gained less than ``share`` of the
+    cost was the last: what lies that far off need not be known to the last digit."""
 
     step: float = SETTLED
+    damped: float = 5.0 * SETTLED
     share: float = 0.003
 
 
-COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
+COARSE, FINE = Tolerance(), Tolerance(1e-4, 1e-4, 0.0)
 
 
 def settle(
@@ -186,13 +186,14 @@ def improve(
 
     Steps go as far as they are trusted (Levenberg, Marquardt; Moré 1978), in standard deviations of
     priors.  Valleys bend: those that are shortened bend as the valley does, and a full one may
-    climb its wall once, as the next often falls back onto its floor.
+    climb its wall a little, once, as the next often falls back onto its floor.
     """
     lin = best = _with_derivatives(objective, lin, free)
     trusted, climbed, slow, last = np.inf, False, False, np.zeros(len(lin.theta))
     for _ in range(STEPS):
         move, damping = _within(objective, lin, free, trusted if lin is best else np.inf)
-        if (promised := _promised(objective, lin, move)) < tolerance.step:
+        promised = _promised(objective, lin, move)
+        if promised < (tolerance.damped if damping else tolerance.step):
             break
         if damping:
             path = move + _bend(objective, lin, move, free, damping)
@@ -204,7 +205,7 @@ def improve(
         last = path if gained > 0.0 and not damping else 0.0 * path
         if gained > 0.0:
             slight = gained < max(tolerance.step, tolerance.share * there.cost)
-            ends, slow = slight and (slow or not damping), slight
+            ends, slow = slight and (slow or (not damping and kept > POOR)), slight
             if not (damping or ends or derivatives):
                 there, ends = _by_chords(objective, lin, there, free, chords)
             if ends and not derivatives:
@@ -215,11 +216,12 @@ def improve(
                     break
                 trusted = _trusted(trusted, move, kept)
                 continue
-        elif not damping and promised < SLIGHT and -gained < promised:
+        lost_little = not damping and -gained < promised
+        if lost_little and promised < tolerance.damped:
             break
         if lin is best:
             trusted = SHORTER * _length(move)
-        climbs = not (damping or climbed) and best.cost <= there.cost < WALL * best.cost
+        climbs = lost_little and not climbed
         climbed |= climbs
         lin = (_known(objective, lin, theta, free) if climbs else None) or best
     return best
