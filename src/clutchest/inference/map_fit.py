@@ -231,12 +231,15 @@ def _within(
     objective: Objective, lin: Linearisation, free: NDArray[np.int64], trusted: float
 ) -> tuple[Floats, float]:
     """A step (m) no longer than is ``trusted``, and its damping: 0 where it is a full one."""
-    move, (damping, grows) = step(objective, lin, free), DAMPING
+    curvature, slope = _parabola(objective, lin)
+    move, (damping, grows) = _lowest(objective, lin, free, curvature, slope), DAMPING
     if _length(move) <= trusted:
         return move, 0.0
-    while _length(move := step(objective, lin, free, damping)) > trusted:
+    every = np.eye(len(move))
+    while _length(move) > trusted:
+        move = _lowest(objective, lin, free, curvature + damping * every, slope)
         damping *= grows
-    return move, damping
+    return move, damping / grows
 
 
 def _trusted(before: float, move: Floats, kept: float) -> float:
@@ -329,17 +332,28 @@ def _bend(
 
 
 def step(
-    objective: Objective,
-    lin: Linearisation,
-    free: NDArray[np.int64],
-    damping: float = 0.0,
-    heat: float = 1.0,
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64], heat: float = 1.0
 ) -> Floats:
     """Gauss–Newton's step (m), zero where not ``free``; a gain that would leave its plausible
     sizes stops at their end, and the others make the best of that.  With ``heat`` the data
     count for less."""
-    curvature = lin.information / heat + np.diag(objective.prior + damping + 1e-9)
-    slope = lin.slope(lin.r) / heat + objective.prior * lin.theta
+    return _lowest(objective, lin, free, *_parabola(objective, lin, heat))
+
+
+def _parabola(objective: Objective, lin: Linearisation, heat: float = 1.0) -> tuple[Floats, Floats]:
+    """Half the second derivative (m, m) of the cost at a linearisation, and half the first (m)."""
+    curvature = lin.information / heat + np.diag(objective.prior + 1e-9)
+    return curvature, lin.slope(lin.r) / heat + objective.prior * lin.theta
+
+
+def _lowest(
+    objective: Objective,
+    lin: Linearisation,
+    free: NDArray[np.int64],
+    curvature: Floats,
+    slope: Floats,
+) -> Floats:
+    """The step (m) to where a parabola is lowest, as far as the ``free`` ones may go."""
     step = np.zeros(len(lin.theta))
     while len(free):
         rest = -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]
