@@ -35,7 +35,7 @@ WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD, BENT = 0.1, 0.75  # of a step: where the bend of its path is measured, and how large it is
 SHORTER, LONGER = 0.25, 3.0  # times the last step: how far steps are trusted after it
 POOR, GOOD = 0.25, 0.75  # of what a step promises, below which they are shorter, above, longer
-DAMPING = 0.01, 2.0  # of a step that is too long: at first, and by how much it grows
+DAMPING = (0.0, *np.geomspace(1e-2, 1e12, 48))  # of steps, one after another while they are long
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SURE = 0.2  # of that: what derivatives of the place before must promise less than
 CLOSELY = 0.3  # of what a step promises, by which it may gain more or less: it is nearly linear
@@ -232,14 +232,12 @@ def _within(
 ) -> tuple[Floats, float]:
     """A step (m) no longer than is ``trusted``, and its damping: 0 where it is a full one."""
     curvature, slope = _parabola(objective, lin)
-    move, (damping, grows) = _lowest(objective, lin, free, curvature, slope), DAMPING
-    if _length(move) <= trusted:
-        return move, 0.0
-    every = np.eye(len(move))
-    while _length(move) > trusted:
+    move, damping, every = np.zeros(len(slope)), 0.0, np.eye(len(slope))
+    for damping in DAMPING:
         move = _lowest(objective, lin, free, curvature + damping * every, slope)
-        damping *= grows
-    return move, damping / grows
+        if _length(move) <= trusted:
+            break
+    return move, damping
 
 
 def _trusted(before: float, move: Floats, kept: float) -> float:
