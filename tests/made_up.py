@@ -42,7 +42,7 @@ class _Given:
         self.gains, self.nuisances = np.flatnonzero(gain), np.flatnonzero(~gain)
         count = len(self.residuals(np.zeros(len(gain)))[0])
         nothing, time = np.zeros(count, int), np.arange(count) * PERIOD
-        without = np.ones(count), np.zeros((count, 0))
+        without = np.ones(count), np.zeros(count, bool), np.zeros((count, 0))
         readings = Readings(nothing, time, nothing, nothing, nothing, *without)
         self.drives = [SimpleNamespace(readings=readings, at_nominal=NOWHERE)]
         self.discrepancies: tuple[Discrepancy, ...] = ()

@@ -17,6 +17,7 @@ from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.inference.decimation import decimated
 from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean, mean_of_slow
+from clutchest.inference.input_bends import bends, driving
 from clutchest.inference.input_interpolation import InterpolatedInput, seldom, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
 from clutchest.inference.linearisation import Derivatives, filtered
@@ -33,8 +34,7 @@ from clutchest.inference.prepared_drive import (
     constant,
 )
 from clutchest.models.effects.effect import TIME, Lateness
-from clutchest.models.model import Expressions, Model
-from clutchest.models.symbols import Input
+from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -42,7 +42,6 @@ SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that s
 # with what it did to a tracked state before, and passes for a delay where noise is slow
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 SETTLING = 0.15  # s; a tracked state's first innovations have another autocorrelation than later
-SHARP, SETTLED = 16.0, 0.05  # of an input's noise: a bend that counts; s until it is forgotten
 IMPLIED = 30.0  # of an input's noise, that it may lie from its reading
 LEAST = 0.01  # standard deviations per unit; readings that respond less to every θ are left out
 
@@ -90,7 +89,9 @@ def _with_any_readings(signals: Signals, vehicle: Vehicle, compiled: Compiled) -
         inputs,
         tracked,
         FrozenGains(np.zeros_like(tracked.rate), np.ones(len(line.t))),
-        Readings.of(line, np.arange(len(line.t)), np.ones(len(line.t))),
+        Readings.of(
+            line, np.arange(len(line.t)), np.ones(len(line.t)), np.zeros(len(line.t), bool)
+        ),
         OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
         constant(len(line.t)),
     )
@@ -176,9 +177,9 @@ def _exactly_driven(state: np.intp, model: Model) -> bool:
     """Whether every input that moves a state is exact.  No measured rate tells then where in its
     noise an input lies: what the state is off its course is an error of the equations, and where
     inputs explain it, derivatives are not those of the innovations."""
-    rate, u = model.expressions().rate[int(state)], model.expressions().u
-    driving = [item for j, item in enumerate(model.inputs) if ca.depends_on(rate, u[j])]
-    return bool(driving) and all(item.exact for item in driving)
+    e = model.expressions()
+    own = [model.inputs[j] for j in driving(model, e, e.rate[int(state)])]
+    return bool(own) and all(item.exact for item in own)
 
 
 def _corrected(model: Model, line: Timeline, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -255,7 +256,7 @@ def _interpolated(
     integrals."""
     inputs, e = [], model.expressions()
     tracked = [model.state(name) for name in model.tracked]
-    followed = _driving(model, e, e.rate[tracked])
+    followed = driving(model, e, e.rate[tracked])
     for j, item in enumerate(model.inputs):
         between = InterpolatedInput.straight(line.t, line.u[:, j])
         if item.name in signals and line.noise[j] and len(signals[item.name].time) > 4:
@@ -269,11 +270,6 @@ def _interpolated(
                 between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
     return inputs
-
-
-def _driving(model: Model, e: Expressions, rates: ca.SX) -> set[int]:
-    """Indices of the inputs in some ``rates`` of a model, written out as ``e``."""
-    return {j for j in range(len(model.inputs)) if ca.depends_on(rates, e.u[j])}
 
 
 def _denoising(
@@ -311,41 +307,18 @@ def _readings(
     # where states are tracked throughout, everything rests on them
     tracks = np.isin(reads, list(model.followed)) | bool(model.tracked)
     settled = drive.tracked.act & (_since_acting(drive) > SETTLING)
-    settled &= ~_bent(drive, signals, vehicle)
+    bent, spiked = bends(drive, signals, vehicle)
+    settled &= ~spiked
     counts = (line.sensor >= 0) & (settled | ~tracks[line.sensor])
     events = np.flatnonzero(counts & responds)
-    return Readings.of(line, events[np.argsort(line.sensor[events], kind="stable")], std)
+    order = np.argsort(line.sensor[events], kind="stable")
+    return Readings.of(line, events[order], std, bent)
 
 
 def _since_acting(drive: PreparedDrive) -> Floats:
     """For how long the tracked states' equations have acted, s, at every event."""
     t, begins = drive.line.t, np.diff(drive.tracked.act.astype(int), prepend=0) == 1
     return t - np.maximum.accumulate(np.where(begins, t, t[0]))
-
-
-def _bent(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
-    """Events (K) at which the tracked states still hold the error of an input that turned so
-    sharply that when it did so, between two samples, matters.  One that moves none of them at the
-    file's numbers does not matter: a position read to a micrometre bends whenever it moves."""
-    t, late = drive.line.t, delays(vehicle)
-    bends = np.zeros(len(t) + 1, int)
-    for item in _moving(drive.compiled, drive.tracked.which):
-        mapped = vehicle.signals.get(item.name)
-        if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
-            continue
-        time, value = signals[item.name].time, signals[item.name].value
-        sharp = np.abs(np.diff(value, 2)) > SHARP * mapped.noise
-        begins, ends = time[:-2][sharp], time[2:][sharp] + SETTLED
-        for edges, change in ((begins, 1), (ends, -1)):
-            np.add.at(bends, np.searchsorted(t, edges - late.get(item.name, 0.0)), change)
-    return np.cumsum(bends[:-1]) > 0
-
-
-def _moving(compiled: Compiled, which: NDArray[np.bool_]) -> list[Input]:
-    """The inputs that move any of the states ``which`` (n), effects of no size left out."""
-    model, e = compiled.model, compiled.model.expressions()
-    rates = ca.substitute(e.rate, e.g, ca.DM(compiled.g))[np.flatnonzero(which).tolist()]
-    return [model.inputs[j] for j in sorted(_driving(model, e, rates))]
 
 
 def _delayed(signals: Signals, compiled: Compiled, t: Floats) -> list[DelayedSignal]:

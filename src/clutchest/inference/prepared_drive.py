@@ -20,7 +20,7 @@ from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled
 from clutchest.inference.input_interpolation import InterpolatedInput
 from clutchest.inference.last_runs import LastPaths, LastRuns
-from clutchest.inference.noise_model import Stretches
+from clutchest.inference.noise_model import SENSOR, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.signals import Floats
 
@@ -92,9 +92,10 @@ class Readings:
     time.
 
     ``event`` the index of each among the drive's events, ``t`` s, ``sensor`` index, ``row`` the
-    regime's, ``mode``, and ``std`` of the innovation; ``input_noise`` (K, c): directions in which
-    noise of the inputs makes innovations scatter, by way of states that no reading corrects, in
-    the innovations' ``std``.
+    regime's, ``mode``, and ``std`` of the innovation; ``bent``: whether an input has just turned
+    so sharply that how it went between two samples matters; ``input_noise`` (K, c): directions in
+    which noise of the inputs makes innovations scatter, by way of states that no reading corrects,
+    in the innovations' ``std``.
     """
 
     event: NDArray[np.int64]
@@ -103,14 +104,18 @@ class Readings:
     row: NDArray
     mode: NDArray
     std: Floats
+    bent: NDArray[np.bool_]
     input_noise: Floats
 
     @classmethod
-    def of(cls, line: Timeline, event: NDArray[np.int64], std: Floats) -> Readings:
-        """Of these events of a timeline, without input noise; ``std`` of every event."""
+    def of(
+        cls, line: Timeline, event: NDArray[np.int64], std: Floats, bent: NDArray[np.bool_]
+    ) -> Readings:
+        """Of these events of a timeline, without input noise; ``std`` and ``bent`` of every
+        event."""
         nothing = np.zeros((len(event), 0))
         at = line.t[event], line.sensor[event], line.row[event], line.mode[event]
-        return cls(event, *at, std[event], nothing)
+        return cls(event, *at, std[event], bent[event], nothing)
 
     def only(self, keep: NDArray[np.bool_]) -> Readings:
         """Those of these readings (K) that are kept."""
@@ -121,13 +126,15 @@ class Readings:
             self.row[keep],
             self.mode[keep],
             self.std[keep],
+            self.bent[keep],
             self.input_noise[keep],
         )
 
     @property
     def stretches(self) -> Stretches:
-        """How they follow each other without gaps."""
-        return Stretches.of(self.t, self.sensor, self.row)
+        """How they follow each other without gaps, those after a bend by themselves: the noise of
+        how inputs went between samples is theirs."""
+        return Stretches.of(self.t, self.sensor, self.row + SENSOR // 2 * self.bent)
 
 
 @dataclass(frozen=True, slots=True)
