@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
