@@ -1,8 +1,9 @@
 """Where an input turns so sharply that how it went between two samples matters.
 
-Samples 10 ms apart do not show when in between a pedal was let go, and what the torque did
+Samples 10 ms apart hardly show when in between a pedal was let go, and what the torque did
 meanwhile stays in a tracked state for a while.  Readings beside it have noise of their own, but are
-those that tell most of delays.  A single reading far off tells nothing.
+those that tell most of delays.  Those beside a single reading far off tell nothing, nor those
+beside a step of what is switched.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ def bends(
     drive: PreparedDrive, signals: Signals, vehicle: Vehicle
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Events (K) at which the tracked states still hold what an input did between two samples as it
-    turned sharply, and those at which they hold a single reading far off.  An input that moves none
-    of them at the file's numbers does not matter: a position read to a micrometre bends whenever it
-    moves."""
+    turned sharply, and those of them of which nothing can be said.  An input that moves none of
+    these states at the file's numbers does not matter: a position read to a micrometre bends
+    whenever it moves."""
     t, late = drive.line.t, delays(vehicle)
     held = np.zeros((2, len(t) + 1), int)
     for item in _moving(drive.compiled, drive.tracked.which):
@@ -37,12 +38,13 @@ def bends(
             continue
         time, second = signals[item.name].time, np.diff(signals[item.name].value, 2)
         sharp = np.abs(second) > SHARP * mapped.noise
-        for count, which in zip(held, (sharp, sharp & _spikes(second)), strict=True):
+        lost = sharp & _spikes(second) if item.smooth else sharp
+        for count, which in zip(held, (sharp, lost), strict=True):
             begins, ends = time[:-2][which], time[2:][which] + SETTLED
             for edges, change in ((begins, 1), (ends, -1)):
                 np.add.at(count, np.searchsorted(t, edges - late.get(item.name, 0.0)), change)
-    bent, spiked = np.cumsum(held[:, :-1], axis=1) > 0
-    return bent, spiked
+    bent, out = np.cumsum(held[:, :-1], axis=1) > 0
+    return bent, out
 
 
 def driving(model: Model, e: Expressions, rates: ca.SX) -> set[int]:

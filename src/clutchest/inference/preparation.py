@@ -306,8 +306,8 @@ def _readings(
     # where states are tracked throughout, everything rests on them
     tracks = np.isin(reads, list(model.followed)) | bool(model.tracked)
     settled = drive.tracked.act & (_since_acting(drive) > SETTLING)
-    bent, spiked = bends(drive, signals, vehicle)
-    settled &= ~spiked
+    bent, out = bends(drive, signals, vehicle)
+    settled &= ~out
     counts = (line.sensor >= 0) & (settled | ~tracks[line.sensor])
     events = np.flatnonzero(counts & responds)
     order = np.argsort(line.sensor[events], kind="stable")

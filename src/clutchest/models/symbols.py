@@ -75,7 +75,9 @@ class Input:
     """A signal that drives the equations.  ``default`` is used where no such signal is mapped;
     None: the model requires the signal.  ``gap``: longest gap, s, that may be bridged.  ``exact``:
     its noise is nothing beside what the equations are off by, and derivatives are those at its
-    readings.  What a controller makes at once of a sensor's noise is not exact."""
+    readings.  What a controller makes at once of a sensor's noise is not exact.  ``smooth``: a mass
+    or a filter is behind it, so that its samples show how it turns between them; beside a sharp
+    bend of another, as of a voltage that is switched, fits take no reading."""
 
     name: str
     unit: str
@@ -84,6 +86,7 @@ class Input:
     default: float | None = None
     gap: float = 0.5
     exact: bool = False
+    smooth: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,9 +128,9 @@ ENGINE_LOAD = State(
 )
 
 INPUTS = (
-    Input("engine_torque", "Nm", "M_e", "reported engine torque, net at the flywheel"),
-    Input("input_shaft_speed", "rad/s", "ω_i", "gearbox input shaft"),
-    Input("slave_position", "mm", "x + x_origin", "slave piston, raw reading"),
+    Input("engine_torque", "Nm", "M_e", "reported engine torque, net at the flywheel", smooth=True),
+    Input("input_shaft_speed", "rad/s", "ω_i", "gearbox input shaft", smooth=True),
+    Input("slave_position", "mm", "x + x_origin", "slave piston, raw reading", smooth=True),
     Input("coolant_temp", "°C", "T_coolant", "engine coolant", default=85.0, gap=60.0),
     Input("ambient_temp", "°C", "T_amb", "ambient air", default=20.0, gap=600.0),
     Input("vehicle_speed", "m/s", "v", "vehicle speed", default=0.0, gap=5.0),
