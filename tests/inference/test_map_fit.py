@@ -114,6 +114,17 @@ def test_a_gain_stops_at_its_bound(end):
     assert fit.cost < 2 * best.cost + SETTLED
 
 
+def test_a_gain_that_begins_outside_of_its_bounds_comes_in():
+    """No damping makes its step shorter than it is far out."""
+    rng = np.random.default_rng(10)
+    data = friction(np.array([0.0, -0.6])) + rng.standard_normal(len(TIME))
+    problem = MadeUp(friction, data, ("start", "change"), {"change": (-1.0, 1.0)})
+    fit = most_probable(problem.objective, problem.all, np.array([25.0, 40.0]))
+    best = problem.reference(np.zeros(2))
+    assert -1.0 <= fit.theta[1] <= 1.0
+    assert fit.cost < 2 * best.cost + SETTLED
+
+
 def test_a_one_sided_gain_stays_absent():
     rng = np.random.default_rng(9)
     data = decay(np.array([0.0, 0.0, -1.0])) + rng.standard_normal(len(TIME))
