@@ -19,7 +19,7 @@ from clutchest.inference.between_drives import unlike
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import WALL, improve, settle, without
+from clutchest.inference.map_fit import improve, settle, without
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest
@@ -39,6 +39,7 @@ CERTAIN = 1e-4  # family-wise p-value of a cause that is beyond doubt
 CLOSE = 10.0  # of 2 Δ ln L: by how much a cause may lag by first order to be fitted
 STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is not exact
 INEXACT = 2e-4  # of what causes explain: equations that are 1 % off leave as much of it
+WALL = 30.0  # times the best cost: where one begins beyond, it leads nowhere
 RELEASED = 1.25  # of its largest plausible size: the bound of an established gain
 UNUSUAL, LOOSE = 3.0, 3.0  # standard deviations of the state at rest: further off, the log begins
 # in the middle of a drive, and the standard deviation of its start is so many times larger

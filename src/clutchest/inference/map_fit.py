@@ -31,7 +31,6 @@ SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
 GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
 STEPS, TURNS = 40, 6  # at most
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
-WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD, BENT = 0.1, 0.75  # of a step: where the bend of its path is measured, and how large it is
 SHORTER, LONGER = 0.25, 3.0  # times the last step: how far steps are trusted after it
 POOR, GOOD = 0.25, 0.75  # of what a step promises, below which they are shorter, above, longer
