@@ -5,9 +5,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.search import Search
+from clutchest.inference.map_fit import improve
 from clutchest.inference.multistart import multistart
+from clutchest.inference.white_linearisation import Linearisation
+
+SHARES = (0.5, 0.0)  # of a cause's size, to which it is led one after another
 
 
 def model_in_alternative_mode(search: Search) -> Search | None:
@@ -27,12 +32,27 @@ def cause_in_alternative_mode(search: Search) -> tuple[Search, bool]:
         fewer = search.without(cause, search.best) if len(search.best.causes) > 1 else search.null
         free = search.free(fewer.causes)
         near = search.objective.linearise_at(fewer.fit.theta, fewer.fit.shapes, free)
-        fit = multistart(search.objective, near, free)
-        if fit is None:
+        fits = multistart(search.objective, near, free), _led_out(search, cause, fewer)
+        there = min((CauseSet(fewer.causes, fit) for fit in fits if fit), key=cost_of)
+        if not there.cost < fewer.cost:
             continue
-        there, same = CauseSet(fewer.causes, fit), search.fitted(search.best.causes, fit)
+        same = search.fitted(search.best.causes, there.fit)
         best = min(search.best, same, key=cost_of)
         search = replace(search, best=best)
         if there.cost - best.cost < search.least_gain(there):
             return search.restarted_at(there), True
     return search, False
+
+
+def _led_out(search: Search, cause: CandidateCause, fewer: CauseSet) -> Linearisation:
+    """The fit of the best without a cause, whose size is led to 0 by and by, to where ``fewer``
+    stand: from where it is gone at once, a fit may end on the other side of a threshold."""
+    objective, fit = search.objective, search.best.fit
+    free, size = search.free(fewer.causes), fit.theta[cause.index]
+    for share in SHARES:
+        theta = fit.theta.copy()
+        theta[cause.index] = share * size
+        shapes = fit.shapes if share else settings(fewer.causes)
+        begin = objective.linearise_at(theta, shapes, free)
+        fit = improve(objective, begin, free, derivatives=False)
+    return fit
