@@ -259,7 +259,7 @@ class Squeezed:
     """A film that must be squeezed out, Nm s/mm."""
 
     def law(self):
-        return lambda seen: {"torque": 4.0 * seen["position_rate"]}
+        return lambda seen: {"torque": 5.0 * seen["position_rate"]}
 
     def readings(self, true):
         return true

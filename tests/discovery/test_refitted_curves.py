@@ -151,8 +151,9 @@ def test_what_an_error_may_go_with_can_be_drawn_with_its_unit() -> None:
     assert convert(2.0, known["slip_rate"].unit, "rad/s^2") == 2.0
 
 
-# after the body's temperature, by 2.7 in 2 ln of the Bayes factor, and the position
-SECOND = ("bedding_in-112", "creeping_hose-302", "helical_thrust-473")
+# after the body's temperature, by 2.7 in 2 ln of the Bayes factor, and the position; the rate of a
+# torque after the engine speed, since readings beside bends count
+SECOND = ("bedding_in-112", "creeping_hose-302", "helical_thrust-473", "turbo_lag-460")
 
 
 @pytest.mark.slow
