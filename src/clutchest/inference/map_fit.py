@@ -3,8 +3,8 @@
 Why not ``scipy.optimize.least_squares``: from the same begin on the same objective, 32 fits of one
 cause to 8 drives of the blind suite (strong causes among them, from costs of 2000 on) took 7.9
 evaluations each and 50 s altogether here, 15.0 and 88 s there (tolerances 1e-4; 18.9 and 106 s with
-1e-6).  Costs agree within 0.1 but for three fits of rivals that lag by 100 and more, which end 1 to
-2 higher here, and one that ends higher there.
+1e-6), before steps here were shortened to what is trusted.  Costs agreed within 0.1 but for three
+fits of rivals that lag by 100 and more, which ended 1 to 2 higher here, and one higher there.
 """
 
 from __future__ import annotations
