@@ -30,8 +30,7 @@ def signals() -> Signals:
 
 
 def problem_of(signals: Signals, vehicle: Vehicle = TRUCK) -> Problem:
-    machine = machine_of("dry_clutch")
-    return Problem.of(signals, vehicle, tuple(error_term_effects(machine)))
+    return Problem.of(signals, vehicle, tuple(error_term_effects(machine_of(vehicle.model))))
 
 
 def with_position(signals: Signals, value: Floats) -> Signals:
@@ -71,11 +70,7 @@ def test_what_is_switched_is_not_followed_through_its_steps():
     """The voltage of a motor: no reading beside its steps counts."""
     rig = clutchest.load_vehicle("alsd_rig")
     signals = clutchest.simulate(rig, "rig-steps", 3, duration=10.0)
-    assert not problem_of_rig(signals, rig).drives[0].readings.bent.any()
-
-
-def problem_of_rig(signals: Signals, rig: Vehicle) -> Problem:
-    return Problem.of(signals, rig, tuple(error_term_effects(machine_of(rig.model))))
+    assert not problem_of(signals, rig).drives[0].readings.bent.any()
 
 
 def test_bends_tell_most_of_delays(signals):
