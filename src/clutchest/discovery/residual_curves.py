@@ -175,11 +175,12 @@ class CurvesAt:
 
     def _regulated(self, covariate: str, at: Floats) -> bool:
         """Whether a covariate with knots ``at`` is held at one value: it still moves by what a loop
-        has not yet put right, errors of the model among that.  The zero of °C says nothing."""
+        has not yet put right, errors of the model among that.  Where a scale of °C or of a reading
+        in mm begins says nothing."""
         model, peaks = self.problem.compiled.model, self.problem.compiled.machine.peaks
-        warm = {s.name for s in model.states if s.unit == "°C"}
-        warm |= {i.name for i in model.inputs if i.unit == "°C"}
-        if peaks.get(covariate, covariate) in warm:
+        from_anywhere = {s.name for s in model.states if s.unit == "°C"}
+        from_anywhere |= {i.name for i in model.inputs if i.unit in ("°C", "mm")}
+        if peaks.get(covariate, covariate) in from_anywhere:
             return False
         return float(np.ptp(at)) < REGULATED * float(np.abs(at).max())
 

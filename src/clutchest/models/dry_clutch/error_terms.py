@@ -101,6 +101,14 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         size=500.0,
         unit="W",
     ),
+    "disc_heat, exchanged": ErrorTerm(
+        "disc_heat",
+        {"conductance_disc_body": lambda value, g: value * (1 + 0.5 * g)},
+        covariates=_HEATS,
+        slow=True,
+        size=50.0,
+        unit="%",
+    ),
     "body_heat": ErrorTerm(
         "body_heat",
         {"body_heat": lambda value, g: value + 500.0 * g},
