@@ -9,7 +9,7 @@ explain there.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from clutchest.discovery.residual_curves import (
     Curve,
     CurvesAt,
     places,
+    unlikelier,
 )
 from clutchest.discovery.search import Search
 from clutchest.inference.concurrent_fits import concurrently
@@ -95,11 +96,13 @@ class _Fitted(NamedTuple):
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fits:
     """Where fits of curves ``begin``: at a model without one, of covariates as they are there, with
-    these ``free`` unknowns (indices); judged by what they explain more than the ``null``."""
+    these ``free`` unknowns (indices); judged by what they explain more than the ``null``, and by
+    how much ``unlikelier`` curves of each equation are than it is to be wrong."""
 
     begin: CurvesAt
     null: Linearisation
     free: NDArray[np.int64]
+    unlikelier: Mapping[str, float]
 
     @classmethod
     def of(cls, search: Search) -> tuple[_Fits, _Fits]:
@@ -109,10 +112,10 @@ class _Fits:
         begin = objective.linearise_at(search.null.fit.theta, active=free)
         null = improve(objective, begin, free)
         stated = objective.linearise_at(np.zeros(len(null.theta)), active=free)
-        return (
-            cls(CurvesAt.of(objective, null), null, free),
-            cls(CurvesAt.of(objective, stated), null, free),
-        )
+        begins = [CurvesAt.of(objective, at) for at in (null, stated)]
+        less = unlikelier(begins[0].every())
+        first, second = (cls(begin, null, free, less) for begin in begins)
+        return first, second
 
     def from_none(self, curve: Curve) -> _Fitted:
         """A curve, fitted from none on."""
@@ -169,7 +172,7 @@ class _Fits:
             coefficients=at.coefficients,
             off=principal_deviations(spread),
             worth=explained - 2.0 * float(np.trace(spread @ of.information)),
-            evidence=(evidence := explained - free),
+            evidence=(evidence := explained - free - self.unlikelier.get(curve.equation, 0.0)),
             # noise has a Bayes factor of B once in B times at most
             p_value=min(curve.p_value, float(np.exp(-max(evidence, 0.0) / 2.0))),
         )

@@ -9,7 +9,7 @@ noise in the equation.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -246,7 +246,7 @@ class CurvesAt:
         noise: EstimatedNoise | None,
     ) -> list[Curve]:
         """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
-        choices = Counter(table.equation for table in tables)
+        less = unlikelier(tables)
         blocks = noise_blocks(self.problem)
         projection = Projection.of(beside.at, beside.free, beside.prior)
 
@@ -264,7 +264,7 @@ class CurvesAt:
             derivatives, some = self._portion(portion, self._basis)
             negligible = self.negligible([(t, derivatives[:, columns]) for t, columns in some])
             c = projection.out_of(derivatives.copy() if noise else derivatives)
-            return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)
+            return _judged(projection.r, c, null(derivatives, c), negligible, blocks, less, some)
 
         done = shared(judged, portions(tables, held(self.fit) // cores()))
         most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
@@ -314,7 +314,7 @@ def _judged(
     null: Floats,
     negligible: Sequence[Floats],
     blocks: NDArray[np.int64],
-    choices: Mapping[str, int],
+    less: Mapping[str, float],
     some: Sequence[tuple[CandidateCurve, slice]],
 ) -> tuple[list[Curve], Floats]:
     """Curves by what is left of their derivatives ``c`` (K, C), in which for each of ``some`` less
@@ -327,8 +327,9 @@ def _judged(
             continue
         spread = covariance(information, least)
         rank = float(np.trace(spread @ information))
-        rare = 2.0 * np.log(choices[table.equation])
-        most = np.maximum(most, evidence(null[:, columns], information, least) - rare)
+        most = np.maximum(
+            most, evidence(null[:, columns], information, least) - less[table.equation]
+        )
         best, dispersion = spread @ score, 1.0
         if evidence(score, information, least) > 0.0:
             pure = c.pure[:, columns]
@@ -344,7 +345,7 @@ def _judged(
                 table.unit * coefficients,
                 table.unit * off,
                 float(score @ best) / dispersion - 2.0 * rank,
-                float(evidence(*scaled)) - rare,
+                float(evidence(*scaled)) - less[table.equation],
                 1.0,
             )
         )
@@ -359,6 +360,12 @@ def _dispersion(
     each = np.zeros((int(blocks.max()) + 1, pure.shape[1]))
     np.add.at(each, blocks, pure * rest[:, None])
     return max(1.0, float(np.trace(spread @ (each.T @ each))) / rank)
+
+
+def unlikelier(tables: Iterable[CandidateCurve]) -> dict[str, float]:
+    """By how much less likely a curve is than its equation is to be wrong, as one of all that this
+    equation has: equation → 2 ln of their number."""
+    return {k: 2.0 * float(np.log(n)) for k, n in Counter(t.equation for t in tables).items()}
 
 
 def places(problem: Problem) -> dict[str, int]:
