@@ -227,10 +227,3 @@ def test_a_curve_outranks_a_cause_only_where_something_is_left_beside_it(monkeyp
     held = SimpleNamespace(form=SimpleNamespace(refuted=False), drivers=("b",), worth=0.0)
     judged_by(monkeypatch, errors_beside, held)
     assert verdict._verdict(search, {}, [], {}, verdict.UNNAMED).name == found
-
-
-@pytest.mark.parametrize(("causes", "least"), [(1, 110.0), (2, 100.0), (3, 90.0)])
-def test_one_curve_outranks_causes_the_sooner_the_more_they_are(causes, least):
-    for worth, outranks in ((least - 1.0, False), (least + 1.0, True)):
-        curves = [SimpleNamespace(worth=worth), SimpleNamespace(worth=0.0)]
-        assert verdict._better_as_curve(100.0, causes, curves) == outranks

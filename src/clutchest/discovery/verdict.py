@@ -22,6 +22,7 @@ from clutchest.discovery.form_test import (
 from clutchest.discovery.holdout_gain import held_out_gain
 from clutchest.discovery.noise_beside_curves import with_noise_beside_curves
 from clutchest.discovery.nuisances import Nuisances
+from clutchest.discovery.outranking import better_as_curve
 from clutchest.discovery.refitted_curves import Located, located
 from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.search import CLOSE, MOST, Search, run
@@ -201,13 +202,13 @@ def _unnamed_errors(
     explained, count = search.null.cost - best.cost + denied, len(best.causes)
     held = len(refuted) < len(forms) and significant(beside, CHANCE)
     if count > 1 or held:  # a curve may explain as much as several, or more
-        unnamed = unnamed or _better_as_curve(explained, count, errors)
+        unnamed = unnamed or better_as_curve(search, best, forms, explained, errors)
     place = None
     if not unnamed and (count > 1 or refuted):
         # what explains most to first order may not do so in full
         place = located(search, errors, explained)
         errors = place.errors
-        unnamed = count > 1 and _better_as_curve(explained, count, errors)
+        unnamed = count > 1 and better_as_curve(search, best, forms, explained, errors)
     tried = () if unnamed else refuted
     more = {e: _more_than_form(search, best, e, forms[e], errors) for e in tried}
     unnamed = unnamed or any(max(each.values()) > CLOSE for each in more.values())
@@ -251,18 +252,6 @@ def _elsewhere(best: CauseSet, forms: Mapping[str, TestedForm], errors: Sequence
         e.worth for e in errors if e.equation == cause.equation and e.covariate in tested.drivers
     ]
     return max(e.worth for e in errors) > max(own, default=0.0) + CLOSE
-
-
-def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> bool:
-    """Whether one curve of the ``errors`` without a cause explains clearly more than one cause
-    did, as much as two, or nearly as much as three, each chosen among many; ``explained``:
-    2 Δ ln L."""
-    return _most_worth(errors) > explained + CLOSE * (2 - causes)
-
-
-def _most_worth(errors: Sequence[Curve]) -> float:
-    """Of the curve that improves the fit most, 2 Δ ln L."""
-    return max((curve.worth for curve in errors), default=0.0)
 
 
 def _by_forms(
