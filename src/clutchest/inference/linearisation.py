@@ -118,7 +118,7 @@ def _inputs(
     inputs = drive.inputs
     slope = _slopes(drive, inputs.denoised, shifts)
     plays = numbers.effects[list(drive.plays)].any()
-    moves = slope if plays else _slopes(drive, inputs.deadband, shifts)
+    moves = _slopes(drive, inputs.dragged if plays else inputs.deadband, shifts)
     # only the smooth part is shifted: between its samples noise would seem smaller
     return PropagatedInputs(drive.line.u + (measured - inputs.smooth), expected, slope, moves)
 

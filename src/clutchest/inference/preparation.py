@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +197,11 @@ def _inputs(
     whole: Timeline,
     act: NDArray[np.bool_],
 ) -> PreparedInputs:
-    """Inputs interpolated, and those that may be late or move a step map without their noise."""
+    """Inputs interpolated, and those that may be late or move a step map without their noise.
+
+    What drags something along moves far beyond its noise, and tells most of a delay as it sets off:
+    its slope is not smoothed further.
+    """
     slow = _slow(signals, model, whole)
     between = _interpolated(signals, vehicle, model, line, whole, slow)
     apart = spacing(line.t)
@@ -209,18 +211,23 @@ def _inputs(
         for item, s in zip(model.inputs, mapped, strict=True)
     ]
     ar = [s.noise_ar if s else 0.0 for s in mapped]
+    late = {model.input(signal) for effect in model.effects for signal in effect.delays}
     dragging = model.expressions().dragging
-    denoised, deadbands = {}, {}
-    for j, denoise in _denoising(model, dragging, noise, ar).items():
+    denoised, dragged, deadbands = {}, {}, {}
+    for j in sorted(late.union(dragging)):
         time, value = between[j].time, between[j].value
         acts = np.interp(time, line.t, act) > 0.5
-        denoised[j] = time, denoise(time, value, acts)
-        if j in dragging:
-            mean = denoised[j][1]
-            deadbands[j] = time, deadband_of_mean(time, value, mean, acts, noise[j], ar[j])
+        if j not in dragging:
+            # where a signal moves in short pulses, they are no more noise than its sensor has
+            calm = deadband(time, value, acts, SLOPE, 2.0 * SLOPE, noise[j])
+            denoised[j] = time, calm
+            continue
+        mean = adaptive_mean(time, value, noise[j], ar[j])
+        denoised[j], dragged[j] = (time, value), (time, mean)
+        deadbands[j] = time, deadband_of_mean(time, value, mean, acts, noise[j], ar[j])
     smooth = np.column_stack([each.at(line.t, apart) for each in between])
     limit = IMPLIED * np.array(noise)
-    return PreparedInputs(between, apart, smooth, denoised, deadbands, limit, slow)
+    return PreparedInputs(between, apart, smooth, denoised, dragged, deadbands, limit, slow)
 
 
 def _slow(signals: Signals, model: Model, whole: Timeline) -> NDArray[np.bool_]:
@@ -269,22 +276,6 @@ def _interpolated(
                 between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
     return inputs
-
-
-def _denoising(
-    model: Model, dragging: Sequence[int], noise: Sequence[float], ar: Sequence[float]
-) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
-    """Indices of inputs that may be late, or that are ``dragging`` something along, to how their
-    ``noise``, which each has at most, is removed, given its ``ar``."""
-    late = {model.input(signal) for effect in model.effects for signal in effect.delays}
-    # where a signal moves in short pulses, they are no more noise than its sensor has
-    slow = {j: partial(deadband, narrow=SLOPE, wide=2.0 * SLOPE, most=noise[j]) for j in late}
-    return slow | {j: _mean(noise[j], ar[j]) for j in dragging}
-
-
-def _mean(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_]], Floats]:
-    """How noise of an input that drags something along is removed, wherever it acts."""
-    return lambda time, value, acts: adaptive_mean(time, value, noise, ar)
 
 
 def _readings(

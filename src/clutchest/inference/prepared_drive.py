@@ -33,8 +33,9 @@ class PreparedInputs:
 
     ``interpolated`` each input; ``spacing`` (K) s², see
     :func:`~clutchest.inference.input_interpolation.spacing`; ``smooth`` (K, nu) values; by index of
-    an input, where it may be late or moves a step map: ``denoised`` values, and ``deadband``
-    filtered ones, which the step maps see.  ``limit`` (nu): how far an input may lie from its
+    an input, where it may be late or moves a step map: ``denoised`` values; where it moves one,
+    ``dragged`` ones, which a play that an effect gives follows, and ``deadband`` filtered ones,
+    which step maps see without one.  ``limit`` (nu): how far an input may lie from its
     reading; ``slow`` (nu): whether it is sampled too seldom for the measured rates to tell where in
     its noise it lies, so that its mean stands for it.
     """
@@ -43,6 +44,7 @@ class PreparedInputs:
     spacing: Floats
     smooth: Floats
     denoised: Mapping[int, Samples]
+    dragged: Mapping[int, Samples]
     deadband: Mapping[int, Samples]
     limit: Floats
     slow: NDArray[np.bool_]
