@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clutchest.discovery.holdout_curves import HeldOutCurves
+from clutchest.discovery.holdout_curves import HeldOutCurves, _gained
 from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction
 from clutchest.discovery.residual_curves import Curve
 from clutchest.signals import Floats
@@ -38,11 +38,16 @@ def transfer(misfit: Floats, *left: tuple[Curve, Floats]) -> HeldOutCurves:
     columns = np.column_stack([misfit, *(rest for _, rest in left)])
     span = np.linalg.svd(columns, full_matrices=False)[0]
     curves = tuple(curve for curve, _ in left)
+    parts = np.ones(len(AT), bool), ~SECOND, SECOND
+    gained = [
+        [np.sum(misfit[part] ** 2 - rest[part] ** 2) / 2.0 for part in parts] for _, rest in left
+    ]
     return HeldOutCurves(
         curves,
         span,
         held_out_prediction(misfit),
         tuple(held_out_prediction(rest) for _, rest in left),
+        np.array(gained),
     )
 
 
@@ -100,3 +105,22 @@ def test_a_gain_is_not_measured_where_the_curve_was_chosen() -> None:
 def test_nothing_that_the_equations_can_follow_is_no_patch(misfit: Floats) -> None:
     carried = transfer(misfit, (curve("position_rate", 100.0), 0.1 * misfit))
     assert carried.best([False]) == (None, None)
+
+
+def test_what_a_log_does_not_tell_of_a_curve_no_other_drive_denies() -> None:
+    """A curve of two pieces, the second of which the log has hardly seen; beside one nuisance."""
+    rng = np.random.default_rng(3)
+    pieces = np.column_stack([~SECOND, SECOND]).astype(float)
+    own = rng.standard_normal((len(AT), 1))
+    r = rng.standard_normal(len(AT)) + pieces @ [-0.5, -0.5]
+    told, guessed = np.array([0.5, 0.5]), np.array([0.5, -1.5])
+    known, vague = np.diag([0.05, 0.05]), np.diag([0.05, 3.0])
+
+    def gain(coefficients: Floats, off: Floats) -> float:
+        return _gained(r, own, np.zeros(1), pieces @ coefficients, pieces @ off)
+
+    assert gain(told, known) > 50.0
+    assert gain(guessed, known) < -50.0
+    # it gains where it was seen, less what it costs that elsewhere it might have been anything
+    first = _gained(r, own, np.zeros(1), pieces @ [0.5, 0.0], pieces @ np.diag([0.05, 0.0]))
+    assert first < gain(guessed, vague) < gain(told, known)

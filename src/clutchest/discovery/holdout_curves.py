@@ -20,10 +20,10 @@ from clutchest.discovery.holdout_gain import (
     block_length,
     carried,
 )
-from clutchest.discovery.residual_curves import Curve, places
+from clutchest.discovery.residual_curves import Curve, CurvesAt, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
-from clutchest.inference.covariates import covariates, hats, measured_at_rest
+from clutchest.inference.covariates import hats
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import fitted, improve, with_noise_estimated
 from clutchest.inference.objective import Objective
@@ -38,12 +38,16 @@ class HeldOutCurves:
     they were estimated, all other unknowns fitted anew, to first order.
 
     ``span`` (K, q): what lies outside of it is noise of the inputs and the same for all.
+    ``gained`` (n, 3): ln(probability) of the readings, and of each half of them, that curves gain
+    which may be off by as much as they are uncertain: what a log does not tell, as where it has
+    never been, no other drive denies.
     """
 
     curves: tuple[Curve, ...]
     span: Floats
     before: HeldOutPrediction
     after: tuple[HeldOutPrediction, ...]
+    gained: Floats
 
     @classmethod
     def of(
@@ -61,20 +65,20 @@ class HeldOutCurves:
         objective, fit = with_noise_estimated(objective, fit)
         objective = objective.with_span([fit.psi])
         fit = improve(objective, objective.judged(fit), free)
-        place = places(other)
-        points = zip(other.drives, fit.implied, strict=True)
-        values = [covariates(drive, measured_at_rest(drive, at)) for drive, at in points]
-        changes = np.zeros((len(fit.r), len(curves)))
-        for change, curve in zip(changes.T, curves, strict=True):
-            count = len(curve.at)
-            bases = [hats(value[curve.covariate], curve.at) for value in values]
-            thetas = np.full(count, place[curve.error_term])
-            modulations = [Modulation(basis, np.arange(count)) for basis in bases]
-            acts = objective.modulated(fit, thetas, modulations)
-            change[:] = acts @ curve.coefficients
+        at, own = CurvesAt.of(objective, fit), fit.psi[:, free]
+        among = HeldOutPrediction.of(objective, fit)
+        changes, gained = np.zeros((len(fit.r), len(curves))), np.zeros((len(curves), 3))
+        length = block_length(among.at)
+        parts = [np.ones(len(fit.r), bool), *(_in_half(k, length, among.at) for k in (0, 1))]
+        for i, curve in enumerate(curves):
+            acts = _acts(at, curve)
+            changes[:, i], off = acts @ curve.coefficients, acts @ curve.off.T
+            gained[i] = [
+                _gained(fit.r[part], own[part], fit.theta[free], changes[part, i], off[part])
+                for part in parts
+            ]
         objective = objective.with_span([fit.psi, changes])
         assert objective.span is not None
-        own, among = fit.psi[:, free], HeldOutPrediction.of(objective, fit)
         curvature = own.T @ own + np.eye(len(free))
 
         def refitted(r: Floats) -> HeldOutPrediction:
@@ -85,12 +89,12 @@ class HeldOutCurves:
             return replace(among, white=white, own=among.own * shrunk, cost=cost)
 
         after = tuple(refitted(fit.r + change).without_torque for change in changes.T)
-        return cls(tuple(curves), objective.span, refitted(fit.r), after)
+        return cls(tuple(curves), objective.span, refitted(fit.r), after, gained)
 
     def ranked(self) -> list[Curve]:
         """The most likely first, by both problems."""
-        gained = np.sum(self._gained(), axis=1)
-        return [self.curves[i] for i in np.argsort(-self._evidence(gained), kind="stable")]
+        likely = self._evidence(self.gained[:, 0])
+        return [self.curves[i] for i in np.argsort(-likely, kind="stable")]
 
     def best(self, usable: Sequence[bool]) -> tuple[Curve | None, Gain | None]:
         """Of the ``usable`` curves (n) the most likely by both problems, and what it gains.
@@ -98,11 +102,10 @@ class HeldOutCurves:
         For each half of the drives the curve is selected by the log and the other half: a gain is
         measured on data that were not used for the selection.
         """
-        gained = self._gained()
-        chosen = self._chosen(np.sum(gained, axis=1), usable)
+        chosen = self._chosen(self.gained[:, 0], usable)
         if chosen is None:
             return None, None
-        halves = [self._chosen(2.0 * gained[:, 1 - k], usable) for k in (0, 1)]
+        halves = [self._chosen(2.0 * self.gained[:, 2 - k], usable) for k in (0, 1)]
         length = block_length(self.before.at)
         parts = [
             (self.before if i is None else self.after[i]).only(partial(_in_half, k, length))
@@ -128,16 +131,31 @@ class HeldOutCurves:
         counts = np.where(over_time, np.maximum(gained, 0.0), gained)
         return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
 
-    def _gained(self) -> Floats:
-        """ln(probability) that each curve gains in each half of the drives (n, 2)."""
-        second = _in_half(1, block_length(self.before.at), self.before.at).astype(np.int64)
-        old = (self.span @ (self.span.T @ self.before.white)) ** 2
-        gains = np.zeros((len(self.curves), 2))
-        for i, after in enumerate(self.after):
-            new = (self.span @ (self.span.T @ after.white)) ** 2
-            sums = np.bincount(second, old - new, minlength=2)
-            gains[i] = (sums + (self.before.cost - after.cost) / 2.0) / 2.0
-        return gains
+
+def _acts(at: CurvesAt, curve: Curve) -> Floats:
+    """Derivatives (K, c) by the coefficients of a curve."""
+    bases = [hats(values[curve.covariate], curve.at) for values in at.values]
+    columns = np.arange(len(curve.at))
+    thetas = np.full(len(columns), places(at.problem)[curve.error_term])
+    modulations = (Modulation(basis, columns) for basis in bases)
+    return at.objective.modulated(at.fit, thetas, modulations)
+
+
+def _gained(r: Floats, own: Floats, theta: Floats, change: Floats, off: Floats) -> float:
+    """ln(probability) that innovations ``r`` (K) gain by a ``change`` (K) which is uncertain by
+    ``off`` (K, c), a standard deviation each, beside unknowns of standard deviation 1 at ``theta``
+    (n), to which they respond by ``own`` (K, n)."""
+    without = _likely(r, own, theta)
+    more = np.append(theta, np.zeros(off.shape[1]))
+    return _likely(r + change, np.column_stack([own, off]), more) - without
+
+
+def _likely(r: Floats, by: Floats, theta: Floats) -> float:
+    """ln(probability) of innovations ``r`` (K), up to a constant, that respond by ``by`` (K, n) to
+    unknowns of standard deviation 1, which are at ``theta`` (n)."""
+    curvature, slope = by.T @ by + np.eye(len(theta)), by.T @ r + theta
+    least = r @ r + theta @ theta - slope @ np.linalg.solve(curvature, slope)
+    return -0.5 * float(least + np.linalg.slogdet(curvature)[1])
 
 
 def _in_half(k: int, length: float, t: Floats) -> NDArray[np.bool_]:
