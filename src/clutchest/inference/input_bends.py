@@ -1,9 +1,9 @@
 """Where an input turns so sharply that how it went between two samples matters.
 
 Samples 10 ms apart hardly show when in between a pedal was let go, and what the torque did
-meanwhile stays in a tracked state for a while.  Readings beside it have noise of their own, but are
-those that tell most of delays.  Those beside a single reading far off tell nothing, nor those
-beside a step of what is switched.
+meanwhile stays in a tracked state for a while.  Readings beside it have noise of their own, most of
+it those in between, but are those that tell most of delays.  Those beside a single reading far off
+tell nothing, nor those beside a step of what is switched.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ AGAINST = 0.25  # of its second difference: what those beside a single reading f
 
 def bends(
     drive: PreparedDrive, signals: Signals, vehicle: Vehicle
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Events (K) at which the tracked states still hold what an input did between two samples as it
-    turned sharply, and those of them of which nothing can be said.  An input that moves none of
-    these states at the file's numbers does not matter: a position read to a micrometre bends
-    whenever it moves."""
+    turned sharply (1), and those between these samples (2); and those of them of which nothing can
+    be said.  An input that moves none of these states at the file's numbers does not matter: a
+    position read to a micrometre bends whenever it moves."""
     t, late = drive.line.t, delays(vehicle)
-    held = np.zeros((2, len(t) + 1), int)
+    still, turns, out = held = np.zeros((3, len(t) + 1), int)
     for item in _moving(drive.compiled, drive.tracked.which):
         mapped = vehicle.signals.get(item.name)
         if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
@@ -39,12 +39,16 @@ def bends(
         time, second = signals[item.name].time, np.diff(signals[item.name].value, 2)
         sharp = np.abs(second) > SHARP * mapped.noise
         lost = sharp & _spikes(second) if item.smooth else sharp
-        for count, which in zip(held, (sharp, lost), strict=True):
-            begins, ends = time[:-2][which], time[2:][which] + SETTLED
+        for count, which, for_s in (
+            (still, sharp, SETTLED),
+            (turns, sharp, 0.0),
+            (out, lost, SETTLED),
+        ):
+            begins, ends = time[:-2][which], time[2:][which] + for_s
             for edges, change in ((begins, 1), (ends, -1)):
                 np.add.at(count, np.searchsorted(t, edges - late.get(item.name, 0.0)), change)
-    bent, out = np.cumsum(held[:, :-1], axis=1) > 0
-    return bent, out
+    within = np.cumsum(held[:, :-1], axis=1) > 0
+    return within[0].astype(np.int64) + within[1], within[2]
 
 
 def driving(model: Model, e: Expressions, rates: ca.SX) -> set[int]:

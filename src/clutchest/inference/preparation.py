@@ -87,7 +87,7 @@ def _with_any_readings(signals: Signals, vehicle: Vehicle, compiled: Compiled) -
         tracked,
         FrozenGains(np.zeros_like(tracked.rate), np.ones(len(line.t))),
         Readings.of(
-            line, np.arange(len(line.t)), np.ones(len(line.t)), np.zeros(len(line.t), bool)
+            line, np.arange(len(line.t)), np.ones(len(line.t)), np.zeros(len(line.t), np.int64)
         ),
         OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
         constant(len(line.t)),

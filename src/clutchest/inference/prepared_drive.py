@@ -24,6 +24,7 @@ from clutchest.inference.noise_model import SENSOR, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.signals import Floats
 
+BENT = SENSOR // 4  # groups of readings at and after bends are numbered from a regime's on
 Samples = tuple[Floats, Floats]  # times s, and values there
 
 
@@ -94,10 +95,10 @@ class Readings:
     time.
 
     ``event`` the index of each among the drive's events, ``t`` s, ``sensor`` index, ``row`` the
-    regime's, ``mode``, and ``std`` of the innovation; ``bent``: whether an input has just turned
-    so sharply that how it went between two samples matters; ``input_noise`` (K, c): directions in
-    which noise of the inputs makes innovations scatter, by way of states that no reading corrects,
-    in the innovations' ``std``.
+    regime's, ``mode``, and ``std`` of the innovation; ``bent``: 1 where an input has just turned so
+    sharply that how it went between two samples matters, 2 where it turns, 0 elsewhere;
+    ``input_noise`` (K, c): directions in which noise of the inputs makes innovations scatter, by
+    way of states that no reading corrects, in the innovations' ``std``.
     """
 
     event: NDArray[np.int64]
@@ -106,12 +107,12 @@ class Readings:
     row: NDArray
     mode: NDArray
     std: Floats
-    bent: NDArray[np.bool_]
+    bent: NDArray[np.int64]
     input_noise: Floats
 
     @classmethod
     def of(
-        cls, line: Timeline, event: NDArray[np.int64], std: Floats, bent: NDArray[np.bool_]
+        cls, line: Timeline, event: NDArray[np.int64], std: Floats, bent: NDArray[np.int64]
     ) -> Readings:
         """Of these events of a timeline, without input noise; ``std`` and ``bent`` of every
         event."""
@@ -134,9 +135,9 @@ class Readings:
 
     @property
     def stretches(self) -> Stretches:
-        """How they follow each other without gaps, those after a bend by themselves: the noise of
-        how inputs went between samples is theirs."""
-        return Stretches.of(self.t, self.sensor, self.row + SENSOR // 2 * self.bent)
+        """How they follow each other without gaps, those at a bend and those after it by
+        themselves: the noise of how inputs went between samples is theirs."""
+        return Stretches.of(self.t, self.sensor, self.row + BENT * self.bent)
 
 
 @dataclass(frozen=True, slots=True)
