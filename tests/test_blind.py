@@ -127,6 +127,33 @@ def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
         assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__
 
 
+@pytest.mark.parametrize(("reached", "suits"), [(4.0, False), (6.0, True)])
+def test_neither_of_a_pair_is_next_to_nothing_beside_the_other(monkeypatch, reached, suits):
+    """In full, unlike to first order, one may take the other's place."""
+    from blind import cases
+    from blind.plan import Case
+
+    class Oracle:
+        def per_largest(self, gain, other):
+            return 20.0
+
+        def twin(self, effects):
+            return effects
+
+        def distance(self, twin, beside):
+            return reached if beside == ["friction_level"] else 10.0
+
+        def nearest(self, twin, beside):
+            return {"wear": 3.0, "torque_gain": 4.0, "friction_level": 4.0}
+
+        def excited(self):
+            return {}
+
+    case, rng = Case("two", "", 10.0, "white", 1), np.random.default_rng(1)
+    pair = ["torque_gain.change", "friction_level.change"]
+    assert bool(cases._pair(case, Oracle(), pair, rng)) == suits
+
+
 @pytest.fixture(scope="module")
 def drives() -> Any:
     """``drives(outsider)``: exact readings and truth of one drive."""

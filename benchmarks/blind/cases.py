@@ -24,6 +24,7 @@ from clutchest.vehicle import dump_vehicle
 LOG, HELD_OUT, VEHICLE = "log.parquet", "held-out.parquet", "vehicle.toml"
 NAMED = 12.0  # d′ from which on causes are to be named, and rivals matter
 TRIES = 6  # drives, or pairs of effects, until one suits
+LEAST_OF_PAIR = 0.5  # of the d′ aimed at: what each of a pair reaches in full
 EXACT = 0.1  # of a size: what it need not be nearer to the d′ aimed at
 NOTHING = 0.05  # of a first order's d′: less is none
 CLOSE = 0.2  # the same of what an outsider leaves
@@ -115,7 +116,8 @@ def _effect(case: Case) -> Answer:
 
 
 def _two(case: Case) -> Answer:
-    """Two effects, neither of which takes the other's place, nor does any third."""
+    """Two effects, neither of which takes the other's place; what a third does is told with them
+    (``rivals``)."""
     random, choice = _random(case), gains()
     for attempt in range(TRIES):
         oracle = Oracle(case.drive(attempt))
@@ -128,7 +130,8 @@ def _two(case: Case) -> Answer:
 
 
 def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generator) -> Answer:
-    """The two effects at their sizes; empty where one would have to be implausibly large."""
+    """The two effects at their sizes; empty where one would have to be implausibly large, or where
+    in full, unlike to first order, it is next to nothing beside the other."""
     effects: dict[str, dict[str, float]] = {}
     names = [gain.split(".")[0] for gain in pair]
     if names[0] == names[1]:
@@ -146,6 +149,8 @@ def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generat
         name: oracle.distance(twin, [other])
         for name, other in zip(names, reversed(names), strict=True)
     }
+    if min(each.values()) < LEAST_OF_PAIR * case.d_prime:
+        return {}
     near = {
         name: min(d for key, d in oracle.nearest(twin, [other]).items() if key != name)
         for name, other in zip(names, reversed(names), strict=True)

@@ -187,9 +187,11 @@ class Compressor(Outsider):
 
 
 class Creep(Outsider):
-    """Closed, the hydraulic line creeps: the zero position rises with every second of rest."""
+    """Closed, the hydraulic line creeps: the zero position rises with every second of rest, by a
+    rate that depends on nothing but whether the position is that of rest."""
 
-    name, equation, drivers = "creep", "zero_position", ("time",)
+    name, equation = "creep", "zero_position"
+    drivers = ("time", "slave_position", "motor_position")
     unit, largest = "mm/h", 2.0
 
     def law(self) -> Law:
