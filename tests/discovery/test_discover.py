@@ -283,6 +283,28 @@ def test_what_wanders_beside_an_error_is_not_taken_for_it():
     assert answer.where.equation == "torque" and answer.where.covariates[0] == "position_rate"
 
 
+class Floating:
+    """An open clutch lets the disc float: it gives less heat to the body, W/K."""
+
+    def law(self):
+        def act(seen):
+            kept = 90.0 * (seen["temp_disc"] - seen["temp_body"]) * (seen["motor_position"] > 8.0)
+            return {"disc_heat": kept, "body_heat": -kept}
+
+        return act
+
+    def readings(self, true):
+        return true
+
+
+@pytest.mark.slow
+def test_contact_that_an_open_clutch_loses_is_heat_exchanged_by_position():
+    signals, other = (drive(seed, scenario="city", outsider=Floating()) for seed in (78, 79))
+    answer = discover(signals, TRUCK, holdout=[other])
+    assert answer.verdict == "unknown" and answer.where is not None
+    assert answer.where.equation == "disc_heat" and answer.where.covariates[0] == "slave_position"
+
+
 class Lazy:
     """The torque report is the later the slower the engine turns."""
 

@@ -151,3 +151,19 @@ def test_drag_in_the_open_gap_is_an_error_of_the_torque_over_slip_and_gap() -> N
     parts = [CurveColumns(by, n) for (_, by), n in zip(each, at.negligible(each), strict=True)]
     joined = evidence_joined(Nuisances(fit, problem.nuisances, objective.prior), parts)
     assert joined.which[:2] == (0, 1)
+
+
+def test_a_position_is_a_covariate_however_far_from_zero_it_moves() -> None:
+    """A plate moves by less than a fifth of what its sensor reads; an engine that idles, held by
+    its governor, by as little."""
+    truck = clutchest.load_vehicle("truck")
+    signals = clutchest.simulate(truck, "launches", 5, duration=60.0)
+    problem = Problem.of(signals, truck, error_term_effects(truck.machine))
+    objective = Objective.of(problem)
+    at = CurvesAt.of(objective, objective.linearise_at(np.zeros(len(problem.thetas))))
+    (bends,) = at.bends("slave_position")
+    assert np.ptp(bends) < 0.2 * bends.max()
+    over = {(table.term, table.covariate) for table in at.every()}
+    assert ("disc_heat, exchanged", "slave_position") in over
+    assert not at._regulated("slave_position", bends)
+    assert at._regulated("engine_speed", bends)
