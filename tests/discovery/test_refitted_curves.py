@@ -215,10 +215,11 @@ def test_an_error_is_where_it_is(blind: None, case: str, equation: str, covariat
 
 @pytest.mark.slow
 def test_two_others_do_not_take_the_place_of_one_that_explains_more(blind: None) -> None:
-    """A late report of the torque: beside its delay and the position sensor over eight drivers, all
-    of them together, it would say nothing more."""
+    """A late report of the torque, off by its rate or late by it: beside its delay and the position
+    sensor over eight drivers, all of them together, it would say nothing more."""
     from form import near
 
     answer = near("near-turbo_lag-605")
-    assert answer["verdict"] == "unknown" and answer["equation"] == "sensor:engine_torque"
+    assert answer["verdict"] == "unknown"
+    assert answer["equation"] in ("sensor:engine_torque", "timing:engine_torque")
     assert answer["drivers"][0] == "engine_torque_rate"

@@ -40,7 +40,7 @@ from clutchest.models.effects.effect import TIME
 from clutchest.signals import Floats
 
 LARGE = 50.0  # of a curve's worth: from here on, the first order is not exact
-AS_LIKELY = 0.25  # of the leading evidence: terms that have less in full are left at that
+AS_LIKELY = 0.2  # of the leading evidence: terms that have less in full are left at that
 LEADERS, DRIVERS = 4, 9  # curves that are fitted: of all, more of a term
 FINEST = 3  # of an equation: more finely
 FINE = 12  # knots of a curve that bends more closely, at least

@@ -116,9 +116,12 @@ def _inputs(
     for j, by in at.corrections.items():
         expected[:, j] += by
     inputs = drive.inputs
-    slope = _slopes(drive, inputs.denoised, shifts)
-    plays = numbers.effects[list(drive.plays)].any()
-    moves = _slopes(drive, inputs.dragged if plays else inputs.deadband, shifts)
+    if numbers.effects[list(drive.plays)].any():
+        # where it is dragged and how fast that is late must not contradict each other
+        moves = slope = _slopes(drive, {**inputs.denoised, **inputs.dragged}, shifts)
+    else:
+        slope = _slopes(drive, inputs.denoised, shifts)
+        moves = _slopes(drive, inputs.deadband, shifts)
     # only the smooth part is shifted: between its samples noise would seem smaller
     return PropagatedInputs(drive.line.u + (measured - inputs.smooth), expected, slope, moves)
 
