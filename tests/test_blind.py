@@ -128,7 +128,7 @@ def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
 
 
 @pytest.mark.parametrize(("reached", "suits"), [(4.0, False), (6.0, True)])
-def test_neither_of_a_pair_is_next_to_nothing_beside_the_other(monkeypatch, reached, suits):
+def test_neither_of_a_pair_is_next_to_nothing_beside_the_other(reached, suits):
     """In full, unlike to first order, one may take the other's place."""
     from blind import cases
     from blind.plan import Case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clutchest.discovery.holdout_curves import HeldOutCurves, _gained
+from clutchest.discovery.holdout_curves import HeldOutCurves, _likely
 from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction
 from clutchest.discovery.residual_curves import Curve
 from clutchest.signals import Floats
@@ -117,10 +117,11 @@ def test_what_a_log_does_not_tell_of_a_curve_no_other_drive_denies() -> None:
     known, vague = np.diag([0.05, 0.05]), np.diag([0.05, 3.0])
 
     def gain(coefficients: Floats, off: Floats) -> float:
-        return _gained(r, own, np.zeros(1), pieces @ coefficients, pieces @ off)
+        with_curve = _likely(r + pieces @ coefficients, own, np.zeros(1), pieces @ off)
+        return with_curve - _likely(r, own, np.zeros(1))
 
     assert gain(told, known) > 50.0
     assert gain(guessed, known) < -50.0
     # it gains where it was seen, less what it costs that elsewhere it might have been anything
-    first = _gained(r, own, np.zeros(1), pieces @ [0.5, 0.0], pieces @ np.diag([0.05, 0.0]))
+    first = gain(np.array([0.5, 0.0]), np.diag([0.05, 0.0]))
     assert first < gain(guessed, vague) < gain(told, known)

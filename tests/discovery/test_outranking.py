@@ -11,7 +11,7 @@ import clutchest
 from clutchest.discovery import outranking
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.outranking import better_as_curve, contains
-from clutchest.discovery.residual_curves import Curve
+from clutchest.discovery.residual_curves import Curve, CurvesAt
 from clutchest.discovery.search import CLOSE, Search, begin
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
@@ -34,6 +34,11 @@ def a_set(search: Search, *names: str) -> CauseSet:
     return CauseSet(tuple(causes[name] for name in names), search.null.fit)
 
 
+def at_none(search: Search) -> CurvesAt:
+    fit = search.objective.white_at(search.null.fit.theta, search.null.fit.shapes)
+    return CurvesAt.of(search.objective, fit)
+
+
 def a_curve(term: str, covariate: str, at: tuple[float, ...], worth: float = 0.0) -> Curve:
     none = np.zeros(len(at))
     equation = term.partition(",")[0]
@@ -50,21 +55,21 @@ def a_curve(term: str, covariate: str, at: tuple[float, ...], worth: float = 0.0
 )
 def test_a_line_over_a_reading_contains_its_bias_and_its_gain(search, names, inside):
     report = a_curve("sensor:engine_torque, added", "engine_torque", (0.0, 600.0, 1200.0))
-    assert contains(search, a_set(search, *names), report) == inside
+    assert contains(at_none(search), a_set(search, *names), report) == inside
 
 
 def test_a_gain_is_in_no_curve_over_something_else(search):
     curve = a_curve("sensor:engine_torque, added", "engine_speed", (60.0, 100.0, 200.0))
-    assert not contains(search, a_set(search, "torque_bias", "torque_gain"), curve)
+    assert not contains(at_none(search), a_set(search, "torque_bias", "torque_gain"), curve)
 
 
 @pytest.mark.parametrize(("causes", "least"), [(1, 100.0 + CLOSE), (2, 100.0), (3, 100.0 - CLOSE)])
-def test_one_curve_outranks_causes_the_sooner_the_more_they_are(monkeypatch, causes, least):
+def test_one_curve_outranks_causes_the_sooner_the_more_they_are(monkeypatch, search, causes, least):
     monkeypatch.setattr(outranking, "contains", lambda *_: False)
-    best = SimpleNamespace(causes=("cause",) * causes)
+    best = SimpleNamespace(causes=("cause",) * causes, fit=search.null.fit)
     for worth, outranks in ((least - 1.0, False), (least + 1.0, True)):
         curves = [SimpleNamespace(worth=worth), SimpleNamespace(worth=0.0)]
-        assert better_as_curve(None, best, {}, 100.0, curves) == outranks
+        assert better_as_curve(search, best, {}, 100.0, curves) == outranks
 
 
 @pytest.mark.parametrize(("refuted", "outranks"), [(False, False), (True, True)])

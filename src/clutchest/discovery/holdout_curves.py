@@ -20,11 +20,9 @@ from clutchest.discovery.holdout_gain import (
     block_length,
     carried,
 )
-from clutchest.discovery.residual_curves import Curve, CurvesAt, places
+from clutchest.discovery.residual_curves import Curve, CurvesAt
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
-from clutchest.inference.covariates import hats
-from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import fitted, improve, with_noise_estimated
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
@@ -70,13 +68,16 @@ class HeldOutCurves:
         changes, gained = np.zeros((len(fit.r), len(curves))), np.zeros((len(curves), 3))
         length = block_length(among.at)
         parts = [np.ones(len(fit.r), bool), *(_in_half(k, length, among.at) for k in (0, 1))]
+        theta = fit.theta[free]
+        without = [_likely(fit.r[part], own[part], theta) for part in parts]
         for i, curve in enumerate(curves):
-            acts = _acts(at, curve)
+            acts = at.by_coefficients(curve)
             changes[:, i], off = acts @ curve.coefficients, acts @ curve.off.T
-            gained[i] = [
-                _gained(fit.r[part], own[part], fit.theta[free], changes[part, i], off[part])
+            likely = [
+                _likely(fit.r[part] + changes[part, i], own[part], theta, off[part])
                 for part in parts
             ]
+            gained[i] = np.subtract(likely, without)
         objective = objective.with_span([fit.psi, changes])
         assert objective.span is not None
         curvature = own.T @ own + np.eye(len(free))
@@ -132,27 +133,12 @@ class HeldOutCurves:
         return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
 
 
-def _acts(at: CurvesAt, curve: Curve) -> Floats:
-    """Derivatives (K, c) by the coefficients of a curve."""
-    bases = [hats(values[curve.covariate], curve.at) for values in at.values]
-    columns = np.arange(len(curve.at))
-    thetas = np.full(len(columns), places(at.problem)[curve.error_term])
-    modulations = (Modulation(basis, columns) for basis in bases)
-    return at.objective.modulated(at.fit, thetas, modulations)
-
-
-def _gained(r: Floats, own: Floats, theta: Floats, change: Floats, off: Floats) -> float:
-    """ln(probability) that innovations ``r`` (K) gain by a ``change`` (K) which is uncertain by
-    ``off`` (K, c), a standard deviation each, beside unknowns of standard deviation 1 at ``theta``
-    (n), to which they respond by ``own`` (K, n)."""
-    without = _likely(r, own, theta)
-    more = np.append(theta, np.zeros(off.shape[1]))
-    return _likely(r + change, np.column_stack([own, off]), more) - without
-
-
-def _likely(r: Floats, by: Floats, theta: Floats) -> float:
-    """ln(probability) of innovations ``r`` (K), up to a constant, that respond by ``by`` (K, n) to
-    unknowns of standard deviation 1, which are at ``theta`` (n)."""
+def _likely(r: Floats, own: Floats, theta: Floats, off: Floats | None = None) -> float:
+    """ln(probability) of innovations ``r`` (K), up to a constant, that respond by ``own`` (K, n) to
+    unknowns of standard deviation 1, which are at ``theta`` (n); and that are uncertain by ``off``
+    (K, c), a standard deviation each, where it is given."""
+    by = own if off is None else np.column_stack([own, off])
+    theta = np.append(theta, np.zeros(by.shape[1] - len(theta)))
     curvature, slope = by.T @ by + np.eye(len(theta)), by.T @ r + theta
     least = r @ r + theta @ theta - slope @ np.linalg.solve(curvature, slope)
     return -0.5 * float(least + np.linalg.slogdet(curvature)[1])

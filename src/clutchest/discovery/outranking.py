@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.form_test import TestedForm
-from clutchest.discovery.residual_curves import CandidateCurve, Curve, CurvesAt, places
+from clutchest.discovery.residual_curves import Curve, CurvesAt
 from clutchest.discovery.search import CLOSE, Search
 
 CONTAINED = 1e-2  # of what a cause does, squared: what a curve that contains it may lack
@@ -31,18 +31,18 @@ def better_as_curve(
     """
     count = len(best.causes)
     better = [each for each in errors if each.worth > explained + CLOSE * (2 - count)]
-    if count < 2 or any(tested.form.refuted for tested in forms.values()):
+    refuted = any(tested.form.refuted for tested in forms.values())
+    if not better or count < 2 or refuted:
         return bool(better)
-    return any(not contains(search, best, each) for each in better)
+    fit = search.objective.white_at(best.fit.theta, best.fit.shapes)
+    at = CurvesAt.of(search.objective, fit)
+    return any(not contains(at, best, each) for each in better)
 
 
-def contains(search: Search, h: CauseSet, curve: Curve) -> bool:
+def contains(at: CurvesAt, h: CauseSet, curve: Curve) -> bool:
     """Whether some curve over the same covariate, in the same way, does what each cause of a set
-    does, to first order where these are fitted."""
-    fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
-    at, place = CurvesAt.of(search.objective, fit), places(search.problem)[curve.error_term]
-    table = CandidateCurve(curve.error_term, curve.equation, place, curve.covariate, curve.at)
-    ((columns, _),) = at.derivatives([table])
-    own = fit.by(np.array([cause.index for cause in h.causes]))
+    does, to first order; ``at`` the fit of these."""
+    columns = at.by_coefficients(curve)
+    own = at.fit.by(np.array([cause.index for cause in h.causes]))
     lacks = own - columns @ np.linalg.lstsq(columns, own, rcond=None)[0]
     return bool(np.all(np.sum(lacks**2, axis=0) < CONTAINED * np.sum(own**2, axis=0)))

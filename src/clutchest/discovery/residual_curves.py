@@ -192,6 +192,16 @@ class CurvesAt:
         for some in portions(tables, held(self.fit)):
             yield self._portion(some, self._basis)
 
+    def table(self, curve: Curve) -> CandidateCurve:
+        """A known curve as one to be tested."""
+        place = places(self.problem)[curve.error_term]
+        return CandidateCurve(curve.error_term, curve.equation, place, curve.covariate, curve.at)
+
+    def by_coefficients(self, curve: Curve) -> Floats:
+        """Derivatives (K, c) of the white innovations by the coefficients of a known curve."""
+        ((derivatives, _),) = self.derivatives([self.table(curve)])
+        return derivatives
+
     def tested(self, beside: Nuisances, tables: Sequence[CandidateCurve], seed: int) -> list[Curve]:
         """The curves ``tables``, the most likely first, ``beside`` what else is free.  Where the
         record is short and one is significant, their null is that of noise whose colour is

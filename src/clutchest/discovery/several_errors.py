@@ -19,10 +19,8 @@ from clutchest.discovery.curve_evidence import evidence
 from clutchest.discovery.nuisances import Nuisances
 from clutchest.discovery.refitted_curves import Located, comes_and_goes
 from clutchest.discovery.residual_curves import (
-    CandidateCurve,
     Curve,
     CurvesAt,
-    places,
 )
 from clutchest.inference.score_test import Projection
 from clutchest.signals import Floats
@@ -156,11 +154,7 @@ def _columns(
 ) -> list[CurveColumns]:
     """The curve of one equation over each of its leading covariates; that of the ``first`` one by
     its own derivatives (K, c) where it is fitted in full."""
-    place = places(at.problem)
-    tables = [
-        CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
-        for c in _leading(errors)
-    ]
+    tables = [at.table(curve) for curve in _leading(errors)]
     found = [
         (table, part[:, own].copy()) for part, some in at.derivatives(tables) for table, own in some
     ]
