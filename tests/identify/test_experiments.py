@@ -18,11 +18,13 @@ from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.generate import draw
 from clutchest.identify import identify_vehicle, procedures
-from clutchest.identify.bench_records import bench_records
+from clutchest.identify.bench_records import bench_records, stated_sections
 from clutchest.identify.equation_errors import fit_errors
 from clutchest.identify.fit import Fit, fit_rows
 from clutchest.models import machine_of
 from clutchest.models.experiments import NO_OWN, BenchSection, EquationErrors
+from clutchest.reading import read_log
+from clutchest.shown import plus_minus
 from clutchest.vehicle import load_vehicle
 
 SEED = 41
@@ -103,6 +105,8 @@ def test_equation_errors_of_the_truth_are_noise(name):
 def test_an_inductance_takes_a_fast_log():
     with pytest.raises(ClutchestError, match=r"nothing could be determined; I2: .* 5 ms apart"):
         run("I2", log("I2"))
+    both = replace(log("I1", duration=20.0), later=(log("I2"), log("I2", SEED + 1)))
+    assert run("all", both).parameters["armature_inductance"].why.count("5 ms apart") == 1
     known = replace(RIG.parameters["armature_resistance"], spread=2e-4)
     known = replace(known, value=TRUTH["armature_resistance"])
     car = replace(RIG, parameters={**RIG.parameters, "armature_resistance": known})
@@ -136,6 +140,31 @@ def test_a_bench_that_the_data_contradict_is_refused():
         run("I1", log("I3", duration=10.0), benches=(stated, ()))
 
 
+def test_a_record_of_two_benches_stated_to_be_one_is_named():
+    """The second half of I7 has its output fixed; taken for the whole rig, the fit misses."""
+    stated = ((BenchSection(-np.inf, np.inf, "rig"),),)
+    fit = run("I7", log("I7"), benches=(stated, ()))
+    (far,) = (w for w in fit.warnings if "times the noise" in w)
+    assert far.endswith("is stated to be of bench rig, but looks like rig, output-fixed")
+
+
+def test_logs_of_one_name_keep_their_benches(tmp_path):
+    """Two folders, a log of the same name in each; by name alone, both had the last one's bench."""
+    logs = []
+    for name, seconds in (("I1", 20.0), ("I3", 18.0)):
+        (tmp_path / name).mkdir()
+        logs.append(str(tmp_path / name / "run.v1.csv"))
+        log(name, duration=seconds).save(logs[-1])
+    benches = ["rotor-held", "motor-alone"]
+    named = stated_sections(read_log(logs, RIG), logs, benches, RIG)
+    assert [section.bench for (section,) in named] == benches
+    fit = clutchest.identify("all", logs, RIG, benches=benches)
+    for key in ("armature_resistance", "torque_constant", "back_emf_constant"):
+        assert fit.parameters[key].determined
+    with pytest.raises(ClutchestError, match="2 benches for 1 log, expected one"):
+        stated_sections(read_log(logs[0], RIG), logs[:1], benches, RIG)
+
+
 def test_benches_by_name():
     held = log("I1", duration=20.0)
     known = clutchest.identify("I1", held, RIG)
@@ -147,7 +176,7 @@ def test_benches_by_name():
             "rotor_held",
             "bench: machine 'alsd' has no bench 'rotor_held'; did you mean 'rotor-held'",
         ),
-        (["rotor-held"] * 3, "benches: 3 for 1 drives, expected one, or one for each"),
+        (["rotor-held"] * 3, "benches: 3 for 1 drive, expected one, or one for each"),
         ((("rotor-held",), ()), "benches: expected a BenchSection, not 'r'"),
         (3, "benches: expected a text or a list, not 3"),
     ):
@@ -232,6 +261,23 @@ def test_found_numbers_pay_on_another_log():
     assert fit.validation is not None and fit.validation.gained > 10.0
     error = fit.validation.error("I1")
     assert error.after < 1.5 < 3.0 < error.before
+    with pytest.raises(ClutchestError, match="the log held out: I1 needs a log from bench rotor"):
+        run("I1", log("I1", duration=20.0), holdout=log("I3", duration=10.0))
+
+
+def test_each_bench_of_an_experiment_is_validated():
+    fit = run("I7", log("I7"), holdout=log("I7", SEED + 1))
+    assert [e.name for e in fit.validation.errors] == ["I7_rig", "I7_output-fixed"]
+    assert all(e.after < 1.5 < e.before for e in fit.validation.errors)
+    assert fit.validation.as_dict()["I7_rig_before"] == fit.validation.errors[0].before
+
+
+def test_what_was_measured_is_said_by_the_fitted_numbers():
+    """The loop less the motor's friction: by the file's friction its width is another."""
+    fit = run("all", replace(log("I5"), later=(log("I6"),)))
+    (said,) = (note for note in fit.notes if note.startswith("I6: less"))
+    found = fit.parameters["ball_ramp_friction"]
+    assert abs(float(said.rpartition(" = ")[2]) - found.value) < 3 * found.std
 
 
 def test_a_fit_of_what_is_linear_is_the_weighted_mean():
@@ -320,6 +366,9 @@ def test_the_likelihood_of_the_record_beside_the_experiments():
         assert found.refit.std < RIG.parameters[key].spread
         assert found.refit.value != found.value
     assert fit.parameters["free_play"].refit.bench == "rig"
+    (row,) = (row for row in fit_rows(fit, RIG) if row.name == "free_play")
+    again = fit.parameters["free_play"].refit
+    assert row.remark.endswith(f"record from rig: {plus_minus(again.value, again.std)}")
     assert "likelihood of the record from" in json.dumps([row.remark for row in fit_rows(fit, RIG)])
 
 

@@ -108,10 +108,11 @@ def _benches(
 ) -> tuple[Stated, Stated]:
     """Those of the drives that are fitted, and of those that are held out."""
     from clutchest.identify.bench_records import stated_sections
+    from clutchest.shown import counted
 
     if len(names) not in (0, 1, len(logs), len(logs) + len(holdout)):
         raise click.BadParameter(
-            f"{len(names)} benches for {len(logs)} logs, expected one, or one for each",
+            f"{len(names)} benches for {counted(len(logs), 'log')}, expected one, or one for each",
             param_hint="--bench",
         )
     own = names if len(names) == 1 else names[: len(logs)]

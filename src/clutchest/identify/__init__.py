@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from clutchest.callable_room import call_by
 from clutchest.checked import check, checked
@@ -16,8 +17,6 @@ from clutchest.progress import Progress, silent
 from clutchest.shown import with_unit
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from clutchest.identify.bench_records import Stated
     from clutchest.identify.fit import Fit
     from clutchest.models.machine import Machine
@@ -57,9 +56,9 @@ def identify_vehicle(
 
     ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
     takes.  ``holdout``: drives that only measure what the numbers are worth; ``benches``, for
-    experiments: the name of one for all drives, or of one for each, those of ``holdout`` after the
-    others, or the sections of each drive of both; with ``refit`` these are also fitted by the
-    likelihood of the filter's innovations.  Raises ClutchestError where the machine has no such
+    experiments: the name of one for all, or of one for each log or drive, those of ``holdout``
+    after the others, or the sections of each drive of both; with ``refit`` these are also fitted by
+    the likelihood of the filter's innovations.  Raises ClutchestError where the machine has no such
     procedure, or the drives cannot serve.
     """
     from clutchest.reading import as_signals
@@ -70,32 +69,47 @@ def identify_vehicle(
     if name not in (known := procedures(machine)):
         declares = f"; machine '{machine.name}' declares none" if len(known) == 2 else ""
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
-    signals = as_signals(signals, vehicle)
-    holdout = None if holdout is None else as_signals(holdout, vehicle)
-    stated = _stated(benches, signals, holdout, vehicle)
-    fit = _identified(name, signals, vehicle, progress or silent, holdout, stated, refit)
-    warnings = (*_contradicting(signals, vehicle), *fit.warnings, *_surprising(fit, vehicle))
-    return replace(fit, begun=signals.begun, before=vehicle, warnings=warnings)
+    drives = as_signals(signals, vehicle)
+    held = None if holdout is None else as_signals(holdout, vehicle)
+    stated = _stated(benches, (signals, holdout), drives, held, vehicle)
+    fit = _identified(name, drives, vehicle, progress or silent, held, stated, refit)
+    warnings = (*_contradicting(drives, vehicle), *fit.warnings, *_surprising(fit, vehicle))
+    return replace(fit, begun=drives.begun, before=vehicle, warnings=warnings)
 
 
 def _stated(
     benches: str | Sequence[str] | tuple[Stated, Stated],
+    given: tuple[Any, Any],
     signals: Signals,
     holdout: Signals | None,
     vehicle: Vehicle,
 ) -> tuple[Stated, Stated]:
-    """The benches of both, by name or as they are."""
+    """The benches of both, by name or as they are; a name for each log where paths were ``given``,
+    else for each drive."""
     check("benches", benches, str | Sequence)
     some = [benches] if isinstance(benches, str) else benches
     names = [name for name in some if isinstance(name, str)]
     if len(names) < len(some):
         return benches  # type: ignore[return-value]
-    from clutchest.identify.bench_records import sections_by_name
+    from clutchest.identify.bench_records import sections_by_name, stated_sections
 
+    logs, held_logs = (_paths(each) for each in given)
+    if len(names) > 1 and len(names) == len(logs) + len(held_logs):
+        own, rest = names[: len(logs)], names[len(logs) :]
+        held = () if holdout is None else stated_sections(holdout, held_logs, rest, vehicle)
+        return stated_sections(signals, logs, own, vehicle), held
     drives = [*signals.drives, *(holdout.drives if holdout else ())]
     every = sections_by_name(names, drives, vehicle)
     first = len(signals.drives)
     return every[:first], every[first:]
+
+
+def _paths(given: Any) -> list[str]:
+    """The logs that are ``given`` by path, none where anything else is."""
+    each = [given] if isinstance(given, str | Path) else given
+    if not isinstance(each, list | tuple) or not all(isinstance(e, str | Path) for e in each):
+        return []
+    return list(map(str, each))
 
 
 def _contradicting(signals: Signals, vehicle: Vehicle) -> Iterator[str]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from pathlib import Path
 
 from clutchest.checked import check
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.other_bench import bench_record
 from clutchest.models.experiments import Benches, BenchRecord, BenchSection
 from clutchest.reading.bench_metadata import stated_benches
+from clutchest.shipped import locate
+from clutchest.shown import counted
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
@@ -60,8 +61,9 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
     return BenchRecords(tuple(records), tuple(notes), tuple(parts))
 
 
-def look_otherwise(records: BenchRecords, vehicle: Vehicle) -> list[str]:
-    """In words, every drive whose data look like none of the benches that its records are of."""
+def look_otherwise(records: BenchRecords, vehicle: Vehicle, *, partly: bool = False) -> list[str]:
+    """In words, every drive whose data look like none of the benches that its records are of; with
+    ``partly`` every one whose data look like one more bench, too."""
     benches = vehicle.machine.benches
     assert benches is not None
     of: dict[int, tuple[Signals, set[str]]] = {}
@@ -70,7 +72,7 @@ def look_otherwise(records: BenchRecords, vehicle: Vehicle) -> list[str]:
     words = []
     for drive, stated in of.values():
         looks = dict.fromkeys(s.bench for s in benches.guess(bench_record(drive, vehicle)))
-        if looks and not stated & set(looks):
+        if (set(looks) - stated) if partly else (looks and not stated & set(looks)):
             known, seen = (", ".join(names) for names in (sorted(stated), looks))
             words.append(f"{_names(drive)} is stated to be of bench {known}, but looks like {seen}")
     return words
@@ -89,10 +91,11 @@ def stated_sections(
         return [stated_benches(drive) for drive in drives.drives]
     if len(names) not in (1, len(logs)):
         raise ClutchestError(
-            f"--bench: {len(names)} benches for {len(logs)} logs, expected one, or one for each"
+            f"{len(names)} benches for {counted(len(logs), 'log')}, expected one, or one for each"
         )
-    named = dict(zip(map(_stem, logs), list(names) * len(logs), strict=False))
-    every = [{named.get(_stem(s), names[0]) for s in drive.sources} for drive in drives.drives]
+    sources = [str(locate(log, "logs")) for log in logs]
+    named = dict(zip(sources, list(names) * len(logs), strict=False))
+    every = [{named.get(s, names[0]) for s in drive.sources} for drive in drives.drives]
     for drive, of in zip(drives.drives, every, strict=True):
         if len(of) > 1:
             raise ClutchestError(
@@ -110,7 +113,8 @@ def sections_by_name(
         return [stated_benches(drive) for drive in drives]
     if len(names) not in (1, len(drives)):
         raise ClutchestError(
-            f"benches: {len(names)} for {len(drives)} drives, expected one, or one for each"
+            f"benches: {len(names)} for {counted(len(drives), 'drive')}, expected one, or one "
+            "for each"
         )
     of_all = [*names] * (len(drives) if len(names) == 1 else 1)
     return [(BenchSection(-inf, inf, name),) for name in of_all]
@@ -125,11 +129,6 @@ def _check_names(names: Sequence[str], vehicle: Vehicle) -> None:
                 f"bench: machine '{vehicle.machine.name}' has no bench '{name}'"
                 + nearest(name, benches.names if benches else ())
             )
-
-
-def _stem(path: str) -> str:
-    """A log's name, however its path is written; shipped ones without suffix."""
-    return Path(path).name.partition(".")[0]
 
 
 def _names(drive: Signals) -> str:

@@ -20,7 +20,7 @@ from clutchest.identify.bench_refit import refits
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import NOT_VALIDATED, ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
-from clutchest.models.experiments import BenchExperiment, EquationErrors
+from clutchest.models.experiments import BenchExperiment, EquationErrors, Parameters
 from clutchest.paths import names_of
 from clutchest.progress import Progress
 from clutchest.signals import Signals
@@ -33,10 +33,11 @@ MISPLACED = 10.0  # of the noise: larger ones are refused if the data look like 
 
 @dataclass(frozen=True, slots=True)
 class Reduced:
-    """Experiments reduced to equation errors: pairs with the experiment of each; ``lacking``: why
-    one that has a record gets nothing from it."""
+    """Experiments reduced to equation errors: pairs with the experiment of each, ``benches`` of
+    their records; ``lacking``: why one that has a record gets nothing from it."""
 
     parts: tuple[tuple[BenchExperiment, EquationErrors], ...]
+    benches: tuple[str, ...]
     lacking: tuple[tuple[BenchExperiment, str], ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -50,11 +51,25 @@ class Reduced:
         """Those that have a record, each once."""
         return list(dict.fromkeys(experiment for experiment, _ in (*self.parts, *self.lacking)))
 
+    @property
+    def nothing(self) -> str:
+        """Why experiments that have a record get nothing from it, in words."""
+        return "; ".join(dict.fromkeys(f"{e.name}: {why}" for e, why in self.lacking))
+
     def why(self, key: str) -> str:
         """Why no experiment has anything on a parameter; nothing where one has."""
         if any(key in experiment.parameters for experiment, _ in self.parts):
             return ""
-        return "; ".join(w for experiment, w in self.lacking if key in experiment.parameters)
+        reasons = (w for experiment, w in self.lacking if key in experiment.parameters)
+        return "; ".join(dict.fromkeys(reasons))
+
+    def named(self, i: int) -> str:
+        """The experiment of part ``i``; where it has several benches, with the part's."""
+        experiment, _ = self.parts[i]
+        several = len(
+            {b for (e, _), b in zip(self.parts, self.benches, strict=True) if e is experiment}
+        )
+        return f"{experiment.name} on bench {self.benches[i]}" if several > 1 else experiment.name
 
 
 def identify_experiments(
@@ -77,16 +92,10 @@ def identify_experiments(
     progress("reducing", None)
     reduced = reduced_records(experiments, records)
     if not reduced.parts:
-        reasons = dict.fromkeys(f"{experiment.name}: {why}" for experiment, why in reduced.lacking)
-        raise ClutchestError("nothing could be determined; " + "; ".join(reasons))
+        raise ClutchestError(f"nothing could be determined; {reduced.nothing}")
     progress("fitting", None)
     posterior = _fit(reduced, records, vehicle)
-    keys = dict.fromkeys(key for e in reduced.experiments for key in e.parameters)
-    wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
-    if not wanted:
-        raise ClutchestError(
-            f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
-        )
+    keys, wanted = _wanted(reduced, vehicle)
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
     source = f"clutchest identify {name}, {names_of(sources)}"
     parameters = {key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted}
@@ -94,17 +103,18 @@ def identify_experiments(
     if refit:
         parameters, unfitted = _refitted(parameters, experiments, records, vehicle, progress)
     changed = replace(vehicle, parameters=_changed(vehicle, parameters, source))
-    validation = None
     warnings = [w for drive in signals.drives for w in drive.warnings]
+    validation = None
     if holdout is None:
         warnings.append(NOT_VALIDATED)
     else:
         progress("validating", None)
-        held = bench_records(holdout, vehicle, benches[1])
-        validation = validate(holdout, reduced_records(experiments, held), vehicle, changed)
+        held = _held_out(experiments, bench_records(holdout, vehicle, benches[1]))
+        validation = validate(holdout, held, vehicle, changed)
         if validation.gained < 0.0:
             warnings.append("on the log held out the new numbers are less probable than the old")
-    warnings += [*_undetermined(parameters), *_misfits(reduced, posterior), *unfitted]
+    misfits = _misfits(reduced, posterior, records, vehicle)
+    warnings += [*_undetermined(parameters), *misfits, *unfitted]
     fixed = [key for key in keys if key not in wanted]
     exact = [f"{', '.join(fixed)}: no spread in the vehicle file, taken for exact"] if fixed else []
     return Fit(
@@ -112,7 +122,12 @@ def identify_experiments(
         vehicle=changed,
         sources=sources,
         parameters=parameters,
-        notes=(*records.notes, *reduced.notes, *_figures(reduced), *exact),
+        notes=(
+            *records.notes,
+            *reduced.notes,
+            *_figures(reduced, posterior.parameters(vehicle)),
+            *exact,
+        ),
         warnings=tuple(dict.fromkeys(warnings)),
         draw=partial(_draw, reduced, posterior, vehicle),
         validation=validation,
@@ -124,7 +139,7 @@ def reduced_records(experiments: Sequence[BenchExperiment], records: BenchRecord
 
     Raises ClutchestError where none of them has a record with the signals that it needs.
     """
-    parts, lacking, notes = [], [], []
+    parts, benches, lacking, notes = [], [], [], []
     for experiment in experiments:
         of = records.on(experiment.benches)
         if not of:
@@ -141,9 +156,24 @@ def reduced_records(experiments: Sequence[BenchExperiment], records: BenchRecord
                 lacking.append((experiment, result))
             else:
                 parts.append((experiment, result))
+                benches.append(record.bench)
     if not parts and not lacking:
         raise ClutchestError("; ".join(dict.fromkeys(notes)))
-    return Reduced(tuple(parts), tuple(lacking), tuple(dict.fromkeys(notes)))
+    return Reduced(tuple(parts), tuple(benches), tuple(lacking), tuple(dict.fromkeys(notes)))
+
+
+def _held_out(experiments: Sequence[BenchExperiment], records: BenchRecords) -> Reduced:
+    """Every experiment on the records held out.
+
+    Raises ClutchestError where none gets anything from them.
+    """
+    try:
+        reduced = reduced_records(experiments, records)
+    except ClutchestError as error:
+        raise ClutchestError(f"the log held out: {error}") from error
+    if not reduced.parts:
+        raise ClutchestError(f"the log held out: {reduced.nothing}")
+    return reduced
 
 
 def _fit(reduced: Reduced, records: BenchRecords, vehicle: Vehicle) -> BenchPosterior:
@@ -154,10 +184,24 @@ def _fit(reduced: Reduced, records: BenchRecords, vehicle: Vehicle) -> BenchPost
         words := look_otherwise(records, vehicle)
     ):
         raise ClutchestError(
-            f"{reduced.parts[worst][0].name}: the equations miss by {scale:.0f} times the noise; "
+            f"{reduced.named(worst)}: the equations miss by {scale:.0f} times the noise; "
             + "; ".join(words)
         )
     return posterior
+
+
+def _wanted(reduced: Reduced, vehicle: Vehicle) -> tuple[list[str], list[str]]:
+    """The keys of all parameters of the experiments, and of those that may be fitted.
+
+    Raises ClutchestError where none has a spread.
+    """
+    keys = list(dict.fromkeys(key for e in reduced.experiments for key in e.parameters))
+    wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
+    if not wanted:
+        raise ClutchestError(
+            f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
+        )
+    return keys, wanted
 
 
 def _fitted(
@@ -199,17 +243,23 @@ def _changed(
     }
 
 
-def _misfits(reduced: Reduced, posterior: BenchPosterior) -> list[str]:
+def _misfits(
+    reduced: Reduced, posterior: BenchPosterior, records: BenchRecords, vehicle: Vehicle
+) -> list[str]:
+    """Equations that miss by more than the noise, in words; where by far, with what to look for."""
+    far = ""
+    if max(posterior.scale) > MISPLACED:
+        far = "; ".join((LOOK_FOR, *look_otherwise(records, vehicle, partly=True)))
     return [
-        f"{experiment.name}: the equations miss by {scale:.1f} times the noise; standard "
-        "deviations are as many times larger" + LOOK_FOR * (scale > MISPLACED)
-        for (experiment, _), scale in zip(reduced.parts, posterior.scale, strict=True)
+        f"{reduced.named(i)}: the equations miss by {scale:.1f} times the noise; standard "
+        f"deviations are as many times larger{far if scale > MISPLACED else ''}"
+        for i, scale in enumerate(posterior.scale)
         if scale > MISFIT
     ]
 
 
-def _figures(reduced: Reduced) -> list[str]:
-    return [f"{experiment.name}: {w}" for experiment, part in reduced.parts for w in part.figures]
+def _figures(reduced: Reduced, p: Parameters) -> list[str]:
+    return [f"{e.name}: {words}" for e, part in reduced.parts for words in part.figures(p)]
 
 
 def validate(holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle) -> Validation:
@@ -221,16 +271,24 @@ def validate(holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle
         for vehicle in (before, after)
     )
     errors = []
-    for i, (experiment, part) in enumerate(reduced.parts):
-        rms = [
-            float(np.sqrt(np.mean(part.errors(p.parameters(v), p.own[i]) ** 2)))
-            for p, v in ((old, before), (new, after))
-        ]
+    names = [reduced.named(i) for i in range(len(reduced.parts))]
+    for name in dict.fromkeys(names):
+        own = [i for i, of in enumerate(names) if of == name]
+        rms = [_rms(reduced, own, *by) for by in ((old, before), (new, after))]
         errors.append(
-            ErrorChange(experiment.name, f"the equations of {experiment.name}", "σ", *rms)
+            ErrorChange(name.replace(" on bench ", "_"), f"the equations of {name}", "σ", *rms)
         )
     logs = dict.fromkeys(Path(s).name for drive in holdout.drives for s in drive.sources)
     return Validation(tuple(logs), tuple(errors), 0.5 * (old.cost - new.cost))
+
+
+def _rms(
+    reduced: Reduced, parts: Sequence[int], posterior: BenchPosterior, vehicle: Vehicle
+) -> float:
+    """Root mean square of the equation errors of some ``parts``."""
+    p = posterior.parameters(vehicle)
+    errors = [reduced.errors[i].errors(p, posterior.own[i]) for i in parts]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def _draw(reduced: Reduced, posterior: BenchPosterior, before: Vehicle, folder: Path) -> None:

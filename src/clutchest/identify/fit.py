@@ -287,8 +287,8 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
 def _refit_words(fitted: Fitted) -> str:
     if fitted.refit is None:
         return ""
-    value, std = (f"{number:.3g}" for number in (fitted.refit.value, fitted.refit.std))
-    return f"by the likelihood of the record from {fitted.refit.bench}: {value} ± {std}"
+    value = plus_minus(fitted.refit.value, fitted.refit.std, "")
+    return f"by the likelihood of the record from {fitted.refit.bench}: {value}"
 
 
 def interval(fitted: Fitted) -> str:

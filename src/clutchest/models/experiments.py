@@ -94,12 +94,12 @@ class EquationErrors:
 
     ``errors``: (parameters, own numbers (m,)) → equation errors (k,), each over its standard
     deviation and independent of the others.  ``own``: numbers of this record alone, their value and
-    standard deviation (m, 2).  ``figures``: what was measured, in words.
+    standard deviation (m, 2).  ``figures``: what was measured, in words, by the parameters.
     """
 
     errors: Callable[[Parameters, Floats], Floats]
     own: Floats
-    figures: tuple[str, ...] = ()
+    figures: Callable[[Parameters], tuple[str, ...]] = lambda p: ()
     curves: tuple[ExperimentCurve, ...] = ()
 
 

@@ -36,7 +36,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     return EquationErrors(
         path.errors,
         path.own,
-        (loop(path, record.parameters),),
+        lambda p: (loop(path, p),),
         (loop_curve(path, "loop.png"),),
     )
 
@@ -71,7 +71,7 @@ def loop(path: AnglePath, p: Parameters) -> str:
     return (
         f"less T_f1, half the loop's width is {1e3 * np.mean(widths):.2f} mNm, its shift "
         f"{1e3 * np.mean(shifts):.1f} mNm, so that F_rs = {force.min():.0f} … {force.max():.0f} N "
-        f"(F_0 = {spring_force(p):.0f} N by the file) and μ_b = {coefficient:.5f}"
+        f"(F_0 = {spring_force(p):.0f} N) and μ_b = {coefficient:.5f}"
     )
 
 

@@ -31,7 +31,8 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         apart = float(np.median(np.diff(record.signals["armature_current"].time)))
         return (
             "no step of the voltage leaves three samples of a decaying current: they lie "
-            f"{1e3 * apart:.2g} ms apart, and it decays within some {1e3 * lag:.2g} ms"
+            f"{1e3 * apart:.2g} ms apart, and it decays within some {1e3 * lag:.2g} ms; log it at "
+            "10 kHz"
         )
     noise = record.noise["armature_current"]
 
@@ -47,7 +48,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         "current_step.png", ("time, ms", "i_a, A"), lambda p, own: (1e3 * t, i), curve
     )
     words = f"{len(steps)} steps, {len(t)} samples within {1e3 * LASTS * lag:.2g} ms of one"
-    return EquationErrors(errors, NO_OWN, (words,), (picture,))
+    return EquationErrors(errors, NO_OWN, lambda p: (words,), (picture,))
 
 
 def _lag(p: Parameters, temperature: float) -> float:

@@ -92,7 +92,8 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     curves = [*_torque_speed(found), *(s.curve for s in slips[:1])]
     starting = sum(bool(np.mean(run.speed * run.acceleration) > 0) for run in found)
     words = f"{starting} starting and {len(found) - starting} other runs, {len(slips)} break-aways"
-    return EquationErrors(errors, own, (words, *_left_out(record)), tuple(curves))
+    said = (words, *_left_out(record))
+    return EquationErrors(errors, own, lambda p: said, tuple(curves))
 
 
 def runs(record: BenchRecord) -> Iterator[FrictionRun]:

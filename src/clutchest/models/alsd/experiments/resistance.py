@@ -58,7 +58,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     picture = ExperimentCurve(
         "resistance.png", ("ϑ_a, °C", "R_a, Ω"), lambda p, own: (temp, quotient), curve
     )
-    return EquationErrors(errors, NO_OWN, (words,), (picture,))
+    return EquationErrors(errors, NO_OWN, lambda p: (words,), (picture,))
 
 
 I1 = BenchExperiment(

@@ -37,7 +37,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     return EquationErrors(
         path.errors,
         path.own,
-        (slopes(path, record.parameters, record.bench),),
+        lambda p: (slopes(path, p, record.bench),),
         (loop_curve(path, file),),
     )
 

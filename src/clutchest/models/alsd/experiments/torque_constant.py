@@ -53,7 +53,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         f"K_t = T_m1/i_a at {len(i)} plateaus, {quotient.min():.5f} … {quotient.max():.5f} Nm/A "
         f"at {temp.min():.0f} … {temp.max():.0f} °C"
     )
-    return EquationErrors(errors, NO_OWN, (words,), (picture,))
+    return EquationErrors(errors, NO_OWN, lambda p: (words,), (picture,))
 
 
 I4 = BenchExperiment(

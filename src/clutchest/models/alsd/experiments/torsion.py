@@ -74,7 +74,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     labels = ("α_m2, rad", "T_m2 − T_f2 − J_2 dω_m2/dt, Nm")
     own = np.array([[float(middle) / ratio, ANYWHERE]])
     picture = ExperimentCurve("torsion.png", labels, points, curve)
-    return EquationErrors(errors, own, (words,), (picture,))
+    return EquationErrors(errors, own, lambda p: (words,), (picture,))
 
 
 @dataclass(frozen=True, slots=True)

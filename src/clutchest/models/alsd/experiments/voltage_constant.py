@@ -39,15 +39,18 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         line = np.linspace(w.min(), w.max(), 50)
         return line, p["back_emf_constant"] * line
 
-    emf = u - resistance(p, temp) * i
     picture = ExperimentCurve(
         "voltage_constant.png",
         ("ω_m1, rad/s", "u_a − R_a i_a, V"),
         lambda p, own: (w, u - resistance(p, temp) * i),
         curve,
     )
-    words = f"K_v at {len(w)} speeds, {(emf / w).min():.5f} … {(emf / w).max():.5f} V s"
-    return EquationErrors(errors, NO_OWN, (words,), (picture,))
+
+    def figures(p: Parameters) -> tuple[str]:
+        each = (u - resistance(p, temp) * i) / w
+        return (f"K_v at {len(w)} speeds, {each.min():.5f} … {each.max():.5f} V s",)
+
+    return EquationErrors(errors, NO_OWN, figures, (picture,))
 
 
 def _steady(record: BenchRecord, start: float, end: float) -> bool:
