@@ -406,6 +406,33 @@ def test_a_log_of_another_bench_is_not_believed():
     assert "rotor-held" in run.summary["contradiction"]["words"]
     assert not any(state["valid"] for state in run.summary["states"].values())
     assert run.final["contradiction"]
+    assert run.tracks[0].responses == () and run.summary["tracking"] == []
+
+
+OTHER = {"wrong motor": ("back_emf_constant", 2.0), "wrong gear": ("gear_ratio", 1.6)}
+
+
+@pytest.mark.parametrize("key, factor", OTHER.values(), ids=OTHER)
+def test_the_log_of_another_machine_is_not_believed(key, factor):
+    """The filter follows the readings of a differential with another motor or gear, each ten times
+    its standard deviation off, to a free play that is none of it."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    other = rig.with_parameters(**{key: factor * rig.parameters[key].value})
+    run = replay(clutchest.simulate(rig, "rig-steps", 7, duration=40.0), other)
+    (track,) = run.tracks
+    assert track.contradiction.kind == "misfit" and not track.contradiction.is_explained
+    assert "10 times its standard deviation, root mean square" in track.contradiction.words
+    assert not any(state["valid"] for state in run.summary["states"].values())
+    assert run.final["contradiction"] and run.summary["wear"] is None
+
+
+@pytest.mark.parametrize("growth", [0.0, 2.9e-4])
+def test_a_pack_worn_to_its_limit_is_believed(growth):
+    """From a start ten standard deviations off."""
+    effects = {"free_play_growth": {"growth": growth}}
+    drive = clutchest.simulate("alsd_rig", "rig-steps", 21, effects, duration=40.0)
+    run = replay(drive, "alsd_rig")
+    assert run.summary["contradiction"] is None and run.summary["states"]["free_play"]["valid"]
 
 
 @pytest.mark.slow

@@ -23,8 +23,9 @@ from clutchest.diagnosis.isolation import (
 from clutchest.diagnosis.monitor_status import lanes, monitor_statuses
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.errors import ClutchestError
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.replay import replay
-from clutchest.estimate.run import Contradiction, Run
+from clutchest.estimate.run import Run
 from clutchest.progress import Progress
 from clutchest.reading import Logs
 from clutchest.signals import Signals
@@ -124,7 +125,7 @@ def _as_probable(
     found: Contradiction | None, test: StreamTest, first: Alarm
 ) -> list[Contradiction]:
     """The contradiction that says as much of a part which has not worked since the log began."""
-    if found is None or not found.kind or first.begun or not test.of_part:
+    if found is None or not found.is_explained or first.begun or not test.of_part:
         return []
     return [found] if found.signal in test.signals else []
 

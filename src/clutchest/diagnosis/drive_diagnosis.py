@@ -16,6 +16,7 @@ from clutchest.diagnosis.isolation import Explanation, explanations, not_exclude
 from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.streams import RECOVERY_S, SILENT_BUS, StreamTests, between
 from clutchest.errors import ClutchestError
+from clutchest.estimate.contradiction import MISFIT
 from clutchest.estimate.run import Run, Track
 from clutchest.inference.problem import Problem
 from clutchest.models.effects import Effect
@@ -67,7 +68,8 @@ class DriveDiagnosis:
         alarm: Alarm | None = None
         causes: tuple[Explanation, ...] = ()
         why_not = "signals and model contradict each other"
-        if track.contradiction is None or streams.explain(track.contradiction):
+        found = track.contradiction
+        if found is None or found.kind == MISFIT or streams.explain(found):
             tested = _equations(run, signals, valid, per_1000h, progress)
             if isinstance(tested, str):
                 why_not = tested

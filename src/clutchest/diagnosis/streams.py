@@ -11,7 +11,7 @@ from clutchest.diagnosis.codes import check_codes
 from clutchest.diagnosis.faults import Alarm, Batch, StreamTest, stream_tests
 from clutchest.diagnosis.faults.missing import Missing
 from clutchest.diagnosis.faults.silent import BUS, Silent
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.signals import Floats, Signal, Signals, Traffic
 from clutchest.vehicle import Vehicle
 
@@ -63,7 +63,9 @@ class StreamTests:
         """Whether a failed test says more of signals and model that contradict each other: any, if
         nothing else explains it, or that of a part which does not do what ``found.signal`` says."""
         parts = (t for t in self.tests if t.alarms and not t.harmless and t.of_part)
-        return (not found.kind and self.failed) or any(found.signal in t.signals for t in parts)
+        return (not found.is_explained and self.failed) or any(
+            found.signal in t.signals for t in parts
+        )
 
     def masked(self, test: StreamTest, alarm: Alarm) -> list[StreamTest]:
         """The tests of the whole message or bus, or of a signal that ``test`` uses, whose faults

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.timeline import regimes
 from clutchest.models.regimes import average
 from clutchest.signals import Signals

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.models.regimes import average
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle

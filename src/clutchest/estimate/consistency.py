@@ -15,17 +15,20 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.run import Contradiction, Estimate, Track
+from clutchest.estimate.contradiction import MISFIT, Contradiction
+from clutchest.estimate.run import Estimate, Track
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
 STRETCH_S = 10.0  # s of innovations that are judged together
 SHORT_S = 30.0  # s; of a shorter drive too few stretches are whole
+FEWEST = 2  # stretches beyond FAR
 LEAST = 5  # readings of a sensor in a stretch that is judged
 MEDIAN = 0.6745  # of |z|, standard normal
 # Times a sensor's tolerance → share of the stretches that may exceed it in a right model.  With any
 # effect of the library at its bound none of some 10 000 exceeds three times.
 SHARES = {1.0: 0.1, 3.0: 1e-3, 25.0: 1e-4}
+FAR = 10.0  # standard deviations, root mean square of a stretch, at which no state is believed
 LASTING_S = 10.0  # s beyond a physical bound
 STD = 3.0  # standard deviations beyond it
 ROUNDING = 1e-6  # s
@@ -45,6 +48,7 @@ class Consistency:
         self._open: dict[int, list[tuple[Floats, Floats]]] = {}  # sensor → times and |z|
         # sensor → stretches, and those beyond each multiple of the tolerance
         self._judged = dict.fromkeys(range(len(model.sensors)), (0, (0,) * len(SHARES)))
+        self._far = dict.fromkeys(range(len(model.sensors)), 0)  # sensor → stretches beyond FAR
         self._worst = dict.fromkeys(range(len(model.sensors)), 0.0)  # largest scale over tolerance
         self._outside: dict[str, float] = {}  # state → s
         self._last_s, self._most_J = -np.inf, 0.0
@@ -53,15 +57,17 @@ class Consistency:
         """What was found by other means; an explanation is worth more than none."""
         if self.found is None:
             self.found = found
-        elif not self.found.kind:
+        elif not self.found.is_explained:
             self.found = replace(found, since_s=min(found.since_s, self.found.since_s))
 
     def take(self, track: Track, last: bool = False) -> Track:
         """The next piece, or the ``last`` one, its estimates not valid behind a contradiction."""
         found = [self._misfit(track, last), self._impossible(track), self._returned(track)]
-        if self.found is None:
+        if self.found is None or self.found.kind == MISFIT:
             known = [c for c in found if c is not None]
-            self.found = min(known, key=lambda c: c.since_s, default=None)
+            self.found = min(
+                known, key=lambda c: c.since_s, default=self.found or self._astray(last)
+            )
         if self.found is None:
             return track
         before = track.time < self.found.since_s
@@ -100,6 +106,7 @@ class Consistency:
         self._worst[i] = max(self._worst[i], times)
         n, beyond = n + 1, tuple(k + (times > of) for k, of in zip(beyond, SHARES, strict=True))
         self._judged[i] = n, beyond
+        self._far[i] += bool(np.mean(z**2) > FAR**2)
         allowed = self.per_1000h * end / 3.6e6 / len(self.model.sensors)
         shares = zip(beyond, SHARES.values(), strict=True)
         if min(_at_least(k, n, share) for k, share in shares) >= allowed:
@@ -111,6 +118,22 @@ class Consistency:
             sensor.column or sensor.name,
             end,
         )
+
+    def _astray(self, last: bool) -> Contradiction | None:
+        """Readings far off in most stretches though none of its own is beyond what an effect at
+        its bound makes: the filter follows them, and its numbers are none of the machine's."""
+        for i, sensor in enumerate(self.model.sensors):
+            far, (n, _) = self._far[i], self._judged[i]
+            if far >= FEWEST and 2 * far > n and (last or n > FEWEST):
+                return Contradiction(
+                    f"{sensor.name} differs from the model's prediction by more than {FAR:g} times "
+                    f"its standard deviation, root mean square, in {far} of {n} stretches of "
+                    f"{STRETCH_S:g} s",
+                    sensor.column or sensor.name,
+                    n * STRETCH_S,
+                    kind=MISFIT,
+                )
+        return None
 
     def _impossible(self, track: Track) -> Contradiction | None:
         """States beyond their physical bounds, and for how long."""

@@ -22,7 +22,7 @@ def require_credible(
             (track,) = replay(replace(drive, later=()), vehicle, progress=progress).tracks
         except ClutchestError:
             continue
-        if (found := track.contradiction) is not None and found.kind:
+        if (found := track.contradiction) is not None and found.is_explained:
             where = f" of drive {number}" if signals.later else ""
             raise ClutchestError(
                 f"{verb}: signals{where} and model contradict each other: {found.explanation} "

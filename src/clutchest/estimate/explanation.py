@@ -17,10 +17,11 @@ import numpy as np
 from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency
+from clutchest.estimate.contradiction import MISFIT, Contradiction
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.impossible import impossible
 from clutchest.estimate.initial_state import fresh
-from clutchest.estimate.run import Contradiction, Track
+from clutchest.estimate.run import Track
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import track_of
 from clutchest.estimate.whole_log import (
@@ -131,6 +132,8 @@ def explained(
         )
         return replace(found, signal=dead[0], explanation=f"{what}: a dead sensor", kind="dead")
     words = "no single sign, swap or unit explains it: another vehicle or bench, or several faults"
+    if found.kind == MISFIT:
+        words += ", or a large one, which `clutchest diagnose` tests for"
     return replace(found, explanation=words)
 
 

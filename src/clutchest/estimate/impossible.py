@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from clutchest.estimate.against_slip import against_slip
 from clutchest.estimate.against_work import against_work
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.other_ratio import at_another_ratio
-from clutchest.estimate.run import Contradiction
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import Vehicle
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
 from clutchest.shown import with_unit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.models.experiments import BenchRecord
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import Vehicle

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.estimate.run import Contradiction
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.reading.gear_ratios import learn_gears
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle

@@ -17,6 +17,7 @@ from clutchest import __version__, memory_mapped
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency, all_invalid
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.doubts import doubts
 from clutchest.estimate.drive import Drive, Stretch, begun
@@ -28,7 +29,7 @@ from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.other_bench import on_other_bench
-from clutchest.estimate.run import Contradiction, Run, Track
+from clutchest.estimate.run import Run, Track, TrackingFigures
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
@@ -84,9 +85,8 @@ def replay(
         found = _contradiction(drive, track, part, vehicle, progress)
         if found is not None:
             track, state = all_invalid(track, found), contradicted(dict(state), found)
-        noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
-        followed = responses(drive, track, vehicle.machine.tracking, noise)
-        tracks.append(replace(track, responses=followed, judder=_judder(drive, track, vehicle)))
+        followed, line = _followed(drive, track, vehicle), _judder(drive, track, vehicle)
+        tracks.append(replace(track, responses=followed, judder=line))
         said = doubts(drive, track, part.compiled.model, vehicle)
         parts.append(replace(part, warnings=[*part.warnings, *said]))
     if not tracks:
@@ -113,9 +113,17 @@ def _contradiction(
     if (elsewhere := on_other_bench(drive, vehicle)) is not None:
         return elsewhere
     found = explained(track.contradiction, track, part.drive, vehicle, progress)
-    if found is not None and found.kind:
+    if found is not None and found.is_explained:
         return found
     return impossible(drive, vehicle) or found
+
+
+def _followed(drive: Signals, track: Track, vehicle: Vehicle) -> tuple[TrackingFigures, ...]:
+    """How the output followed; nothing on a bench without the parts between motor and output."""
+    if track.contradiction and track.contradiction.kind == "bench":
+        return ()
+    noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
+    return responses(drive, track, vehicle.machine.tracking, noise)
 
 
 def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:

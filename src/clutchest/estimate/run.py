@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from clutchest import memory_mapped
 from clutchest.checked import checked
 from clutchest.errors import ClutchestError, UnknownNameError, nearest
+from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.estimated_series import EstimatedSeries
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
@@ -146,21 +147,6 @@ class TrackingFigures:
 
 def _with_unit(name: str, unit: str) -> str:
     return f"{name}_{unit}" if name in ("peak", "settled", "error", "ripple") else name
-
-
-@dataclass(frozen=True, slots=True)
-class Contradiction:
-    """Signals and model that cannot both be right: ``words`` say how that shows, ``signal`` is the
-    one most in question, from ``since_s`` on the drive's clock no state is believed.
-    ``explanation`` in words, "" where none was sought, its ``kind``: sign, swap, unit, dead, ratio,
-    bench, "" where there is none; ``others``: signals that are in question as much."""
-
-    words: str
-    signal: str
-    since_s: float
-    explanation: str = ""
-    kind: str = ""
-    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
