@@ -44,11 +44,18 @@ def test_a_torque_that_is_too_small_to_be_used_is_said(rig_drive):
 
 
 def test_readings_that_no_single_mistake_explains_are_doubted(rig_drive):
-    """Half of the voltage is not impossible, but no right model predicts so badly."""
-    run = replay(scaled(rig_drive, "armature_voltage", 0.5), "alsd_rig")
+    """A voltage too low by an eighth is not impossible, but no right model predicts so badly."""
+    run = replay(scaled(rig_drive, "armature_voltage", 0.875), "alsd_rig")
     assert run.summary["contradiction"] is None
     (warning,) = (w for w in run.warnings if "readings differ" in w)
-    assert "clutch_torque (" in warning and "discover" in warning
+    assert "motor_angle (" in warning and "discover" in warning
+
+
+def test_readings_ten_times_their_noise_off_are_not_believed(rig_drive):
+    """Half of the voltage: the filter follows the motor all the same."""
+    run = replay(scaled(rig_drive, "armature_voltage", 0.5), "alsd_rig")
+    assert "10 times its standard deviation" in run.summary["contradiction"]["words"]
+    assert not any(state["valid"] for state in run.summary["states"].values())
 
 
 def test_a_signal_that_is_mostly_beyond_its_range_is_swapped_with_none(rig_drive):
