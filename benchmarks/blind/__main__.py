@@ -85,6 +85,7 @@ def run(
         keep(records, record)
         print(
             f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
+            record["why"] if record["verdict"] == "failed" else "",
             file=sys.stderr,
             flush=True,
         )

@@ -94,9 +94,9 @@ def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
             process.wait()
             return {"verdict": "failed", "why": "too slow", "seconds": LONGEST, "MiB": 0.0}
     cost = json.loads(took.read_text(encoding="ascii"))
-    if cost.pop("exit") != 0 or not written.exists():
+    if (code := cost.pop("exit")) != 0 or not written.exists():
         lines = words.read_text().splitlines() or ["no word"]
-        return {"verdict": "failed", "why": lines[-1], **cost}
+        return {"verdict": "failed", "why": f"exit code {code}: {lines[-1]}", **cost}
     return {**json.loads(written.read_text(encoding="utf-8")), **cost}
 
 

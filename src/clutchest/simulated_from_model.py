@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.request import DriveRequest
@@ -222,6 +223,7 @@ def _integrated(
     return x
 
 
+@one_at_a_time
 def _steps(vehicle: Vehicle, numbers: _Numbers, dt: float) -> ca.Function:
     """From a state, inputs at both ends of ``TOGETHER`` times as many steps of ``dt`` s as the grid
     has, and normal random numbers, to the states after each."""

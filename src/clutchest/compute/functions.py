@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.compute.lower import (
     CONTRACTED,
     columns_of,
@@ -22,6 +23,7 @@ from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDE
 from clutchest.models.model import Expressions, Model
 
 
+@one_at_a_time
 def filter_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Source of the functions of one model that its filters call.
 
@@ -36,6 +38,7 @@ def filter_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     return "\n\n".join([*_constants(model, thetas), *functions.shared(), *parts])
 
 
+@one_at_a_time
 def fit_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Source of the functions of one model that its fits call; see :func:`filter_text`."""
     functions = _Functions.of(model, tuple(thetas))
@@ -214,6 +217,7 @@ def _late(model: Model, thetas: Sequence[tuple[str, str]], slope: ca.SX) -> ca.S
     return late
 
 
+@one_at_a_time
 def forward_text(model: Model, watched: Sequence[str]) -> str:
     """Source of the functions that run a model by itself: a step, and ``watched`` quantities."""
     e = model.expressions()

@@ -18,6 +18,7 @@ import casadi as ca
 
 from clutchest import __version__
 from clutchest.cache import recalled, remember
+from clutchest.casadi_later import one_at_a_time
 from clutchest.compute import functions, lower, step
 from clutchest.models import model as models
 from clutchest.models.model import Model
@@ -40,6 +41,7 @@ def kept_text(text_of: Callable[[Model, Thetas], str], model: Model, thetas: The
     return text
 
 
+@one_at_a_time
 def key(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Another one where the text may be another."""
     e = model.expressions()

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.models.effects import Effect
 from clutchest.models.model import Expressions, Model
 
@@ -41,6 +42,7 @@ class Dependences:
     modes: tuple[tuple[ca.SX, ca.SX, ca.SX], ...]
 
     @classmethod
+    @one_at_a_time
     def of(cls, model: Model) -> Dependences:
         """That of a model, its effects included."""
         e, modes = model.expressions(), []

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.residual_curves import places
 from clutchest.inference.covariates import hats
@@ -41,6 +42,7 @@ class _Read:
         return self.symbols.setdefault(name, ca.SX.sym(name))
 
 
+@one_at_a_time
 def drivers_of(effect: Effect, gain: str, covariates: Collection[str]) -> tuple[str, ...]:
     """Of the ``covariates`` those that the effect's terms read beside the quantity that they
     change, where that depends on ``gain``; the energy where they read the power."""
@@ -132,6 +134,7 @@ class _Changes:
     fit: Linearisation
     quantity: str
 
+    @one_at_a_time
     def over(self, number: tuple[str, str], other: tuple[str, str]) -> list[Floats]:
         """Derivative of the quantity by one number over that by another, of an effect and a key
         each, at every event of each drive; NaN where the other changes nothing."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
@@ -73,6 +74,7 @@ class FittedMachine:
         order of the equations."""
         return self._of_moment(self.posterior.problem.compiled.model.expressions().rate)
 
+    @one_at_a_time
     def _of_moment(self, wanted: ca.SX) -> ca.Function:
         """Expressions at the fitted numbers, as a function of states, inputs and flags."""
         problem = self.posterior.problem

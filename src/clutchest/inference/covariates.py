@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.casadi_later import ca, symbolic
+from clutchest.casadi_later import ca, one_at_a_time
 from clutchest.inference.denoising import (
     BRIEF,
     CALM,
@@ -184,6 +184,7 @@ def noise_in_derivatives(
     return {n: v - smooth[n] for n, v in read.items() if np.any(v != without[n])}
 
 
+@one_at_a_time
 def _series(
     drive: PreparedDrive, at: OperatingPoint, states: Floats, also: Iterable[str] = ()
 ) -> tuple[dict[str, Floats], Floats]:
@@ -199,8 +200,7 @@ def _series(
     e = model.expressions()
     known = e.quantities.names()
     quantities = tuple(name for name in (*machine.covariates, *also) if name in known)
-    with symbolic:
-        wanted = ca.vertcat(*(getattr(e.quantities, n) for n in quantities), model.power(e))
+    wanted = ca.vertcat(*(getattr(e.quantities, n) for n in quantities), model.power(e))
     values = e.along(
         wanted,
         states,

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.models.model import Expressions, Model
@@ -51,6 +52,7 @@ def bends(
     return within[0].astype(np.int64) + within[1], within[2]
 
 
+@one_at_a_time
 def driving(model: Model, e: Expressions, rates: ca.SX) -> set[int]:
     """Indices of the inputs in some ``rates`` of a model, written out as ``e``."""
     return {j for j in range(len(model.inputs)) if ca.depends_on(rates, e.u[j])}
@@ -65,6 +67,7 @@ def _spikes(second: Floats) -> NDArray[np.bool_]:
     return np.asarray(alone | np.roll(alone, 1))
 
 
+@one_at_a_time
 def _moving(compiled: Compiled, which: NDArray[np.bool_]) -> list[Input]:
     """The inputs that move any of the states ``which`` (n), effects of no size left out."""
     model, e = compiled.model, compiled.model.expressions()

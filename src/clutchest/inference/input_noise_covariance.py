@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.casadi_later import one_at_a_time
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import ModelNumbers
@@ -32,6 +33,7 @@ SOME = 1024  # readings that are whitened at a time: as many as a processor's ow
 LEAST = 0.3  # standard deviations of all readings together; noise that shows less is left out
 
 
+@one_at_a_time
 def taken_in(model: Model) -> list[str]:
     """Names of the inputs that states without readings of their own take in."""
     e = model.expressions()
@@ -125,6 +127,7 @@ class InputNoiseCovariance:
         return self.turned @ (share * (self.along.T @ white))
 
 
+@one_at_a_time
 def _taken_in(drive: PreparedDrive, vehicle: Vehicle) -> Floats:
     """Derivatives (nu, K) of the rates of states that no reading corrects by every input; of their
     sum, each in its prior's standard deviations."""

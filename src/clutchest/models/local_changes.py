@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.casadi_later import ca
+from clutchest.casadi_later import ca, one_at_a_time
 from clutchest.models.effects import Effect, Gains
 from clutchest.models.model import Model
 from clutchest.signals import Floats
@@ -25,6 +25,7 @@ class LocalChanges:
     idle: tuple[tuple[str, str], ...]  # (effect, gain) that change none of them
 
     @classmethod
+    @one_at_a_time
     def by(
         cls,
         effects: Mapping[Effect, Mapping[str, float]],

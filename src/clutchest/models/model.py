@@ -11,7 +11,7 @@ from warnings import catch_warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.casadi_later import ca, symbolic
+from clutchest.casadi_later import ca, one_at_a_time
 from clutchest.models.effects.effect import Effect, Gains
 from clutchest.models.regimes import SLIDING
 from clutchest.models.symbols import Input, Parameter, Sensor, State
@@ -82,12 +82,14 @@ class Expressions:
     quantities: Quantities
 
     @property
+    @one_at_a_time
     def dragging(self) -> list[int]:
         """Indices of the inputs that the step map sees move."""
         sees = ca.which_depends(self.mapped, self.u0, 1, False)
         return [j for j, seen in enumerate(sees) if seen]
 
     @property
+    @one_at_a_time
     def plays(self) -> list[int]:
         """Indices of the numbers of effects that set the play in the step map."""
         sees = ca.which_depends(self.mapped, self.u0, 1, True)
@@ -95,23 +97,26 @@ class Expressions:
         by = ca.which_depends(self.mapped[dragged], self.g, 1, False)
         return [k for k, depends in enumerate(by) if depends]
 
+    @one_at_a_time
     def together(self, names: Iterable[str]) -> ca.SX:
         """Quantities one below the other."""
-        with symbolic:
-            return ca.vertcat(*(getattr(self.quantities, name) for name in names))
+        return ca.vertcat(*(getattr(self.quantities, name) for name in names))
 
+    @one_at_a_time
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
-        (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
+        (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them.  They
+        stay symbols: put in, they made constants, see ``one_at_a_time``."""
         values = np.empty((wanted.numel(), len(x)))
-        with symbolic:
-            (of_moment,) = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
-            at = ca.Function("along", [self.x, self.u, self.w], [ca.densify(of_moment)])
-            whole = at.map(BLOCK)
-            for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
-                some = slice(begin, begin + BLOCK)
-                block = whole if len(x) - begin >= BLOCK else at.map(len(x) - begin)
-                values[:, some] = _each(block, x[some], u[some], w[some]).T
+        symbols = [self.x, self.u, self.w, self.p, self.g]
+        at = ca.Function("along", symbols, [ca.densify(wanted)])
+        whole, most = at.map(BLOCK), min(BLOCK, len(x))
+        same = [np.tile(each, (most, 1)) for each in (p, g)]
+        for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
+            some, count = slice(begin, begin + BLOCK), min(BLOCK, len(x) - begin)
+            block = whole if count == BLOCK else at.map(count)
+            parts = [x[some], u[some], w[some], *(each[:count] for each in same)]
+            values[:, some] = _each(block, *parts).T
         return values
 
 
@@ -235,6 +240,7 @@ class Model:
             for n in effect.parameters
         }
 
+    @one_at_a_time
     def taking(self, effects: Iterable[Effect]) -> tuple[Effect, ...]:
         """The effects of which these equations have every quantity and signal that they change."""
         bare = set(replace(self, effects=()).expressions().quantities.names())
@@ -253,6 +259,7 @@ class Model:
         return frozenset(self.renewed) | frozenset(self.tracked)
 
     @cached_property
+    @one_at_a_time
     def settling(self) -> NDArray[np.int64]:
         """Indices of the tracked states that an input settles at once."""
         e = self.expressions()
@@ -264,6 +271,7 @@ class Model:
         """(effect, parameter) of every entry of the vector ``g``."""
         return tuple((e, number.key) for e in self.effects for number in e.parameters)
 
+    @one_at_a_time
     def expressions(self) -> Expressions:
         """The equations written out.  Raises AttributeError for a quantity that is not there."""
         return self._written
@@ -304,6 +312,7 @@ class Model:
         )
 
     @cached_property
+    @one_at_a_time
     def predicted(self) -> frozenset[str]:
         """The sensors whose readings the equations predict, rather than follow by the slope of
         the same signal."""
