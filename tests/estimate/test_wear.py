@@ -15,6 +15,7 @@ from clutchest.estimate.timeline import build
 from clutchest.estimate.wear import remaining, remaining_energy
 from clutchest.estimate.whole_log import compile_model
 from clutchest.models import machine_of
+from clutchest.record.report import informed
 from clutchest.vehicle.vehicle import Estimation
 
 TRUCK = clutchest.load_vehicle("truck")
@@ -305,3 +306,18 @@ class TestFromDriveToDrive:
             (monitor,) = [m for m in diagnosis.monitors if m.name == "wear"]
             assert monitor.status == status, monitor.why
         assert diagnosis.faults[0].fault == "wear"
+
+
+def test_a_drive_without_slip_adds_no_trend_but_what_the_one_before_knew():
+    """A locked clutch: micrometres over millijoules are no rate; the friction is carried over."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    steps = clutchest.simulate(rig, "rig-steps", 4, truck_seed=4, duration=20.0)
+    before = clutchest.replay(steps, rig)
+    locked = clutchest.simulate(rig, "I8", 5, truck_seed=4)
+    run = clutchest.replay(after_days(locked, 1), rig, state=before.final)
+    assert run.summary["wear"]["rate"]["value"] is None
+    assert "more slip since the first drive" in run.summary["wear"]["words"][1]
+    friction = run.summary["states"]["friction"]
+    assert friction["carried_over"] and informed(friction).startswith("carried over from the drive")
+    assert not before.summary["states"]["friction"]["carried_over"]
+    assert not run.summary["states"]["temp_pack"]["carried_over"]

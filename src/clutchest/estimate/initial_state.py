@@ -13,6 +13,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.contradiction import Contradiction
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
+from clutchest.models.model import Model
 from clutchest.shown import with_unit
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -139,6 +140,14 @@ def carried_on(
     belief.P[both] = before.P[both]
     belief.E[:], belief.sE[:] = before.E, before.sE
     return belief, warning
+
+
+def carried_states(model: Model, state: Mapping[str, Any] | None) -> frozenset[str]:
+    """Those that begin as ``state`` left them, however long ago; none where it is not believed."""
+    if state is None or state.get("contradiction"):
+        return frozenset()
+    kept = (s.name for s in model.states if s.carried and s.parked_noise == 0.0)
+    return frozenset(kept) & frozenset(state["states"])
 
 
 def leave(

@@ -25,7 +25,7 @@ from clutchest.estimate.drive_setup import Unusable, timings_of, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
 from clutchest.estimate.impossible import impossible
-from clutchest.estimate.initial_state import History, contradicted, leave
+from clutchest.estimate.initial_state import History, carried_states, contradicted, leave
 from clutchest.estimate.judder import judder
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.other_bench import on_other_bench
@@ -73,7 +73,7 @@ def replay(
     signals = as_signals(signals, vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate} Hz: expected more than 0, at most {FASTEST:g}")
-    tracks, parts = [], []
+    tracks, parts, before = [], [], state
     unusable: list[tuple[Signals, Unusable]] = []
     estimate = _whole if smooth else _in_stretches
     for drive in signals.drives:
@@ -100,7 +100,7 @@ def replay(
         vehicle=vehicle,
         signals=signals,
         tracks=tuple(tracks),
-        summary=summarise(vehicle, tracks, parts),
+        summary=summarise(vehicle, tracks, parts, carried_states(parts[0].compiled.model, before)),
         final=state,
         provenance=provenance(vehicle, parts[-1].compiled.digest),
     )

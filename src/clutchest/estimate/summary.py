@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
@@ -46,8 +46,14 @@ class Part:
     history: History
 
 
-def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) -> dict[str, Any]:
-    """Counts, final states, sensors, engagements and warnings over all drives."""
+def summarise(
+    vehicle: Vehicle,
+    tracks: Sequence[Track],
+    parts: Sequence[Part],
+    carried: Container[str] = (),
+) -> dict[str, Any]:
+    """Counts, final states, sensors, engagements and warnings over all drives; ``carried``: states
+    that begin as a drive before these left them."""
     counts = sum((part.drive.counts for part in parts), Counts())
     warnings: list[str] = []
     for number, part in enumerate(parts):
@@ -68,7 +74,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "duration_s": float(sum(p.span_s for p in parts)),
         "drives": len(tracks),
         "modes_s": _modes(tracks),
-        "states": _states(vehicle, tracks, end),
+        "states": _states(vehicle, tracks, end, carried),
         "wear": trend,
         "sensors": _sensors(tracks),
         "engagements": _engagements(vehicle, tracks, parts),
@@ -207,7 +213,9 @@ def _modes(tracks: Sequence[Track]) -> dict[str, float]:
     return spent
 
 
-def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, dict[str, Any]]:
+def _states(
+    vehicle: Vehicle, tracks: Sequence[Track], part: Part, carried: Container[str]
+) -> dict[str, dict[str, Any]]:
     """Final values, standard deviations, whether they are valid, and what would improve them."""
     model, track = part.compiled.model, tracks[-1]
     together = strong_correlations(part.compiled, part.final)
@@ -222,6 +230,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
             "std": std if isfinite(std) else None,
             "unit": state.unit,
             "valid": valid,
+            "carried_over": state.name in carried,
         }
         if state.name in model.unobservable:
             why = model.unobservable[state.name]

@@ -42,11 +42,14 @@ def wear_trend(
     useful = vehicle.estimation.get(wear.state, model.states[model.state(wear.state)]).useful_std
     if sqrt(P[0, 0]) > useful:  # a prior is no wear
         return None
-    new = vehicle.parameters[wear.nominal]
+    new, limit = vehicle.parameters[wear.nominal], vehicle.limits.get("wear")
+    spent = history.slip_energy_J / MJ
+    most = limit.value if limit is not None else abs(new.value)
+    if speed is not None and sqrt(P[1, 1]) * spent > most:  # hardly any slip: it may be anything
+        speed = None
     P[0, 0] += new.spread**2  # wear is counted from the part when new, which no drive shows
     energy = float(belief.E[0]) / MJ
     energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
-    limit = vehicle.limits.get("wear")
     trend: dict[str, Any] = {
         "amount": _estimate(amount, sqrt(P[0, 0]), wear.unit),
         "new": {"value": new.value, "std": new.spread, "unit": wear.unit},
@@ -61,7 +64,7 @@ def wear_trend(
         wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
         left = limit.value - amount
         trend["remaining"] = remaining(left, wear.unit, speed, P, wandering, history)
-    trend["words"] = _words(trend, wear)
+    trend["words"] = _words(trend, wear, history.wear_std > 0.0)
     return trend
 
 
@@ -155,8 +158,8 @@ def remaining(
     return remaining
 
 
-def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
-    """Two sentences."""
+def _words(trend: Mapping[str, Any], wear: Wear, followed: bool) -> list[str]:
+    """Two sentences; ``followed``: drives before this one are known."""
     rate, energy, limit = trend["rate"], trend["slip_energy"], trend["limit"]
     unit = Quantity("wear", wear.unit).shown
     of = "" if limit is None else f" of {_read(limit['value'], wear):g} {unit}"
@@ -169,7 +172,10 @@ def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
     if limit is None:
         return [first, "Remaining life: unknown, the vehicle file has no limit ([limits] wear)."]
     if rate["value"] is None and trend["remaining"][wear.unit]["value"] > 0.0:
-        return [first, "Remaining life: unknown, a trend takes a drive before this one (--state)."]
+        takes = (
+            "more slip since the first drive" if followed else "a drive before this one (--state)"
+        )
+        return [first, f"Remaining life: unknown, a trend takes {takes}."]
     return [first, _left(trend["remaining"], wear)]
 
 

@@ -46,7 +46,7 @@ def informed(state: Mapping[str, Any]) -> str:
     bits, now = state["information_bits"], state["not_observable_now"]
     if not state["valid"]:
         return f"{state['why']}; needs {state['needs']}" if state["needs"] else state["why"]
-    parts = ["initial value"]
+    parts = ["carried over from the drive before" if state.get("carried_over") else "initial value"]
     if bits["total"] >= NOTHING:
         mode = max((m for m in bits if m != "total"), key=lambda m: bits[m])
         shown = f"{bits['total']:.1f}" if bits["total"] < 100 else f"{bits['total']:.0f}"
