@@ -42,6 +42,30 @@ def test_a_rig_is_recognised_by_german_names(tmp_path):
     assert not any("positions" in words for words in found.origin)
 
 
+def test_a_rig_is_recognised_by_the_paper_s_symbols(tmp_path):
+    """A column without a unit is taken for the canonical one, which is said where there are
+    others."""
+    columns = {
+        "u_a [V]": "armature_voltage",
+        "i_a": "armature_current",
+        "alpha_m1": "motor_angle",
+        "omega_s [rpm]": "slip_speed",
+        "theta_a": "armature_temp",
+        "T_c": "clutch_torque",
+        "T_m1 [Nm]": "motor_torque",
+        "T_m2 [Nm]": "drive_torque",
+        "alpha_m2 [deg]": "drive_angle",
+    }
+    found = inspect_tables([written(tmp_path / "rig.csv", columns)])
+    assert found.machine.name == "alsd"
+    assert {c[0].column: name for name, c in found.candidates.items()} == columns
+    (words,) = (w for w in found.warnings if "no unit is stated" in w)
+    assert "taken for granted: alpha_m1 (rad), T_c (Nm); `unit` under [columns]" in words
+    short = {"ArmVolt": "armature_voltage", "ClTrq [Nm]": "clutch_torque", "slip": "slip_speed"}
+    found = inspect_tables([written(tmp_path / "short.csv", short)], "alsd")
+    assert {c[0].column: name for name, c in found.candidates.items()} == short
+
+
 def test_an_angle_that_only_grows_shows_no_resolution(tmp_path):
     path = written(tmp_path / "rig.csv", COLUMNS)
     grows = next(c for c in inspect_tables([path]).columns if c.column == "phi_Antrieb [Grad]")

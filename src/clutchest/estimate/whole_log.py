@@ -195,7 +195,10 @@ def compile_model(
 def require_finite(x: Floats) -> None:
     """Raises ClutchestError for an estimate ``x`` (n) that is no longer one."""
     if not np.all(np.isfinite(x)):
-        raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
+        raise ClutchestError(
+            "the estimate left the finite numbers: see the parameters' values and the units of "
+            "signals"
+        )
 
 
 def run(

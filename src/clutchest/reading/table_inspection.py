@@ -25,7 +25,12 @@ from clutchest.reading.drafting import (
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
-from clutchest.reading.table_units import STATE_PERCENT, likely_unit, may_be_percent
+from clutchest.reading.table_units import (
+    STATE_PERCENT,
+    by_guess,
+    likely_unit,
+    may_be_percent,
+)
 from clutchest.shipped import locate_each
 from clutchest.vehicle import (
     BusSignal,
@@ -322,6 +327,7 @@ def _with_units(
     """The candidates with the likeliest unit where the table states none."""
     template = load_vehicle(machine.template) if machine.template else None
     given: dict[str, tuple[ColumnStatistics, ...]] = {}
+    taken: list[str] = []
     for name, found in candidates.items():
         column, first = machine.column(name), found[0]
         if template is None or column is None or first.unit:
@@ -340,7 +346,14 @@ def _with_units(
             warnings.append(
                 f"column '{first.column}' states no unit; by its values it is in {unit}"
             )
+        elif by_guess(column) and split_header(first.column)[0].lower() != name:
+            taken.append(f"{first.column} ({unit})")
         given[name] = (replace(first, unit=unit), *found[1:])
+    if taken:
+        warnings.append(
+            f"no unit is stated and values do not show it, taken for granted: {', '.join(taken)}; "
+            "`unit` under [columns] states another one"
+        )
     return given
 
 

@@ -234,6 +234,11 @@ def check_steps(time: Floats, stated: bool, vehicle: Vehicle) -> None:
         )
 
 
+def by_guess(column: Column) -> bool:
+    """Whether loggers use several units of a quantity, and nothing tells which by its values."""
+    return column.magnitude is None and column.possible is None and column.unit in _LIKELY
+
+
 def likely_unit(value: Floats, column: Column, template: Vehicle) -> str:
     """The unit, of those that loggers use, that readings (n) of an unknown one fit best."""
     fitting = (

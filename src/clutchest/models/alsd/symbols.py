@@ -147,7 +147,7 @@ WHEELS = (
     Input("wheel_speed_right", "rad/s", "ω_r", "the other wheel of the axle"),
 )
 
-# How a bus or a table may name them.
+# How a bus or a table may name them; the paper's own symbols, too.
 _ARMATURE, _MOTOR = r"(arm(ature)?|anker|mot(or)?|act(uator)?)", r"(mot(or)?|rotor|act(uator)?)"
 _TORQUE = r"(torque|trq|tq|(dreh)?moment|(?<![a-z])m(?![a-z]))"
 _ANGLE = r"(ang(le)?|pos(ition)?|phi|alpha|winkel)"
@@ -160,6 +160,12 @@ def _either(one: str, other: str) -> str:
     return f"{one}_?{other}|{other}_?{one}"
 
 
+def _symbol(letter: str, motor: int) -> str:
+    """The paper's symbol, one more alternative: ``alpha_m1``, ``T_m2``."""
+    spelt = "(α|alpha)" if letter == "α" else letter
+    return rf"|^{spelt}_?m_?{motor}$"
+
+
 _OF_CAR = tuple(item.name for item in WHEELS)  # a rig has slip and a drive instead
 
 COLUMNS = (
@@ -168,22 +174,22 @@ COLUMNS = (
         "V",
         rests=True,
         noisiest=2.0,
-        named=_ARMATURE + r"_?(volt|spannung|u(_|$))|^u_?" + _ARMATURE,
+        named=_ARMATURE + r"_?(volt|spannung|u(_|$))|^u_?(a$|" + _ARMATURE + ")",
     ),
     Column(
         "armature_current",
         "A",
         rests=True,
         noisiest=5.0,
-        named=_ARMATURE + r"_?(curr|strom|i(_|$))|^i_?" + _ARMATURE,
+        named=_ARMATURE + r"_?(curr|strom|i(_|$))|^i_?(a$|" + _ARMATURE + ")",
     ),
-    Column("motor_angle", "rad", noisiest=1.0, named=_either(_MOTOR, _ANGLE)),
+    Column("motor_angle", "rad", noisiest=1.0, named=_either(_MOTOR, _ANGLE) + _symbol("α", 1)),
     Column(
         "slip_speed",
         "rad/s",
         rests=True,
         noisiest=2.0,
-        named=r"slip|schlupf|delta_?(speed|n(_|$))|^n_?diff|drehzahldiff",
+        named=r"slip|schlupf|delta_?(speed|n(_|$))|^n_?diff|drehzahldiff|^(ω|omega)_?s$",
         instead=_OF_CAR,
     ),
     Column(
@@ -199,21 +205,22 @@ COLUMNS = (
         possible=(-50.0, 250.0, 20.0),
         noisiest=20.0,
         named=r"(arm(ature)?|anker|winding|wicklung|coil|mot(or)?)_?\w*temp"
-        r"|^t_?(arm|anker|winding|wicklung|coil|mot)",
+        r"|^t_?(arm|anker|winding|wicklung|coil|mot)|^(ϑ|theta)_?a$",
     ),
     Column(
         "clutch_torque",
         "Nm",
         noisiest=200.0,
-        named=_CLUTCH + r"_?\w*" + _TORQUE + "|" + _TORQUE + "_?" + _CLUTCH,
+        named=_CLUTCH + r"_?\w*" + _TORQUE + "|" + _TORQUE + "_?" + _CLUTCH + "|^t_?c$"
+        r"|(?<![a-z])cl(t|u|ut|tch)?_?" + _TORQUE,
         instead=("shaft_torque",),
     ),
-    Column("motor_torque", "Nm", noisiest=1.0, named=_either(_MOTOR, _TORQUE)),
+    Column("motor_torque", "Nm", noisiest=1.0, named=_either(_MOTOR, _TORQUE) + _symbol("t", 1)),
     Column(
         "drive_torque",
         "Nm",
         noisiest=100.0,
-        named=_either(_DRIVE, _TORQUE),
+        named=_either(_DRIVE, _TORQUE) + _symbol("t", 2),
         instead=_OF_CAR,
     ),
     Column(
@@ -227,7 +234,7 @@ COLUMNS = (
         "drive_angle",
         "rad",
         noisiest=0.05,
-        named=_either(_DRIVE, _ANGLE),
+        named=_either(_DRIVE, _ANGLE) + _symbol("α", 2),
         instead=_OF_CAR,
     ),
     Column("torque_request", "Nm", named=_either(_TORQUE, r"(req|dem|set|cmd|soll)")),
