@@ -150,8 +150,10 @@ def test_command(tmp_path: Path) -> None:
     request = tmp_path / "request.csv"
     pd.DataFrame({"time": TIME, "torque_request": step(500.0)}).to_csv(request, index=False)
     command = ["feedforward", str(request), "--vehicle", "alsd_rig", "--out", str(tmp_path)]
-    result = CliRunner().invoke(app, command)
+    result = CliRunner().invoke(app, [*command, "--format", "csv"])
     assert result.exit_code == 0, result.output
+    text = pd.read_csv(tmp_path / "feedforward.csv")
+    assert list(text) == list(pd.read_parquet(tmp_path / "feedforward.parquet"))
     table = pd.read_parquet(tmp_path / "feedforward.parquet")
     assert {"time", "torque_request", "current", "motor_angle"} <= set(table)
     same = clutchest.feedforward("alsd_rig", request).to_pandas()

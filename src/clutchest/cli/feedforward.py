@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, State, Trust, VehicleName
-from clutchest.cli.parameters import Argument
+from clutchest.cli.options import (
+    DEFAULT_OUT,
+    AsJson,
+    Out,
+    State,
+    TableFormat,
+    Trust,
+    VehicleName,
+)
+from clutchest.cli.parameters import Argument, Option
 from clutchest.cli.terminal import answer, print_shown, progress
 
 if TYPE_CHECKING:
@@ -27,6 +35,14 @@ def feedforward(
     trust: Trust = False,
     state: State = None,
     out: Out = DEFAULT_OUT,
+    formats: Annotated[
+        list[TableFormat] | None,
+        Option(
+            names=("--format",),
+            metavar="csv|xlsx|mf4|mcap",
+            help="Also write feedforward.csv, …; repeat for several.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """What the actuator has to do for a requested output.
@@ -35,13 +51,13 @@ def feedforward(
 
     \b
     Example:
-      clutchest feedforward request.csv --vehicle alsd_rig --out plan
+      clutchest feedforward request.csv --vehicle alsd_rig --out plan --format csv
       clutchest feedforward request.csv --vehicle alsd_rig --state out/state.json
     """
     with progress() as show:
         show("loading", None)
         from clutchest.estimate.feedforward import feedforward as inverse
-        from clutchest.record.feedforward import NAME, write_feedforward
+        from clutchest.record.feedforward import write_feedforward
         from clutchest.record.files import read_state
         from clutchest.vehicle import load_vehicle
 
@@ -49,11 +65,11 @@ def feedforward(
         before = None if state is None else read_state(state)
         show("calculating", None)
         found = inverse(car, request, state=before)
-        write_feedforward(found, out)
+        names = [path.name for path in write_feedforward(found, out, formats or ())]
     answer(
         {
             "out": str(out),
-            "files": [NAME],
+            "files": names,
             "taken": dict(found.taken),
             "ranges": found.ranges,
             "unmet": found.unmet,
@@ -62,7 +78,7 @@ def feedforward(
         as_json,
         lambda console: _print(found, console),
         out,
-        [NAME],
+        names,
     )
 
 

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,16 @@ from clutchest.shipped import shipped
 
 if TYPE_CHECKING:
     from clutchest.reading.window import TimeWindow
+
+
+class TableFormat(StrEnum):
+    """As ``clutchest.reading.table_formats`` has them, beside Parquet."""
+
+    csv = "csv"
+    xlsx = "xlsx"
+    mf4 = "mf4"
+    mcap = "mcap"
+
 
 Logs = Annotated[
     list[str],

@@ -15,6 +15,7 @@ from clutchest.cli.options import (
     Out,
     Rate,
     SourceOptions,
+    TableFormat,
     WindowOptions,
 )
 from clutchest.cli.parameters import Option
@@ -26,15 +27,6 @@ class Engine(StrEnum):
 
     kernel = "kernel"
     filterpy = "filterpy"
-
-
-class TableFormat(StrEnum):
-    """As ``clutchest.reading.table_formats`` has them, beside Parquet."""
-
-    csv = "csv"
-    xlsx = "xlsx"
-    mf4 = "mf4"
-    mcap = "mcap"
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from clutchest.estimate.feedforward import Feedforward
+from clutchest.reading.table_formats import write_table
 from clutchest.record.arrow import without_pandas
 from clutchest.record.files import finished_into
 
 NAME = "feedforward.parquet"
 
 
-def write_feedforward(found: Feedforward, out: Path) -> list[Path]:
-    """Write ``feedforward.parquet`` into the folder ``out``, units in its metadata; gives its path.
+def write_feedforward(found: Feedforward, out: Path, formats: Sequence[str] = ()) -> list[Path]:
+    """Write ``feedforward.parquet`` into the folder ``out``, units in its metadata, with
+    ``formats`` (``csv``, ``xlsx``, ``mf4``, ``mcap``) also in these; gives the paths.
 
     Raises ClutchestError if ``out`` is no folder.
     """
@@ -27,4 +30,7 @@ def write_feedforward(found: Feedforward, out: Path) -> list[Path]:
             "units": json.dumps({name: found.units[name] for name in found.columns}),
         }
         pq.write_table(table.replace_schema_metadata(metadata), folder / NAME)
-    return [out / NAME]
+        for suffix in formats:
+            write_table(found.to_pandas(), (folder / NAME).with_suffix(f".{suffix}"))
+        names = sorted(path.name for path in folder.iterdir())
+    return [out / name for name in names]
