@@ -18,6 +18,7 @@ from clutchest.estimate.explanation import OF_UNIT, remedies
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Estimate, Innovations
+from clutchest.generator.alsd.generate import draw
 from clutchest.record.report import markdown
 from clutchest.record.terminal import print_run
 from clutchest.signals import Signal
@@ -409,6 +410,7 @@ def test_a_log_of_another_bench_is_not_believed():
     assert run.tracks[0].responses == () and run.summary["tracking"] == []
 
 
+SPECIMEN = ("value", "spread")
 OTHER = {"wrong motor": ("back_emf_constant", 2.0), "wrong gear": ("gear_ratio", 1.6)}
 
 
@@ -426,13 +428,27 @@ def test_the_log_of_another_machine_is_not_believed(key, factor):
     assert run.final["contradiction"] and run.summary["wear"] is None
 
 
-@pytest.mark.parametrize("growth", [0.0, 2.9e-4])
-def test_a_pack_worn_to_its_limit_is_believed(growth):
+@pytest.mark.parametrize(("growth", "seed"), [(0.0, 21), (2.9e-4, 21), (3e-4, 301)])
+def test_a_pack_worn_beyond_its_limit_is_believed(growth, seed):
     """From a start ten standard deviations off."""
     effects = {"free_play_growth": {"growth": growth}}
-    drive = clutchest.simulate("alsd_rig", "rig-steps", 21, effects, duration=40.0)
+    drive = clutchest.simulate("alsd_rig", "rig-steps", seed, effects, duration=40.0)
     run = replay(drive, "alsd_rig")
-    assert run.summary["contradiction"] is None and run.summary["states"]["free_play"]["valid"]
+    assert run.summary["contradiction"] is None
+    rig = clutchest.load_vehicle("alsd_rig").parameters
+    nominal, spread = ({key: getattr(p, what) for key, p in rig.items()} for what in SPECIMEN)
+    truth = draw(nominal, spread, seed)
+    friction = truth["friction_coefficient"] / nominal["friction_coefficient"]
+    for name, true in (("free_play", truth["free_play"] + growth), ("friction", friction)):
+        state = run.summary["states"][name]
+        assert state["valid"] and abs(state["value"] - true) < 3.0 * state["std"], name
+
+
+@pytest.mark.slow
+def test_a_worn_pack_has_no_other_fault():
+    effects = {"free_play_growth": {"growth": 3e-4}}
+    run = replay(clutchest.simulate("alsd_rig", "rig-steps", 301, effects), "alsd_rig")
+    assert [fault.fault for fault in clutchest.diagnose(run).faults] == ["wear"]
 
 
 @pytest.mark.slow

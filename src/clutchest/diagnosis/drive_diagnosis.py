@@ -18,6 +18,7 @@ from clutchest.diagnosis.streams import RECOVERY_S, SILENT_BUS, StreamTests, bet
 from clutchest.errors import ClutchestError
 from clutchest.estimate.contradiction import MISFIT
 from clutchest.estimate.run import Run, Track
+from clutchest.estimate.worn import as_found
 from clutchest.inference.problem import Problem
 from clutchest.models.effects import Effect
 from clutchest.models.machine import Machine
@@ -70,7 +71,8 @@ class DriveDiagnosis:
         why_not = "signals and model contradict each other"
         found = track.contradiction
         if found is None or found.kind == MISFIT or streams.explain(found):
-            tested = _equations(run, signals, valid, per_1000h, progress)
+            worn = replace(run, vehicle=as_found(run.vehicle, track) or run.vehicle)
+            tested = _equations(worn, signals, valid, per_1000h, progress)
             if isinstance(tested, str):
                 why_not = tested
             else:

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.contradiction import MISFIT, Contradiction
 from clutchest.estimate.run import Estimate, Track
+from clutchest.estimate.worn import worn_range, worn_so_far
 from clutchest.models.model import Model
 from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
 
 STRETCH_S = 10.0  # s of innovations that are judged together
 SHORT_S = 30.0  # s; of a shorter drive too few stretches are whole
@@ -39,11 +41,14 @@ BACKWARDS = 0.05  # of it likewise
 class Consistency:
     """Judges the pieces of one drive, one after another.
 
-    ``per_1000h``: false alarms in a right model; ``found`` the first contradiction, None without.
+    ``per_1000h``: false alarms in a right model; ``worn``: a state, and between which values a part
+    that is worn may have brought it; ``found`` the first contradiction, None without.
     """
 
-    def __init__(self, model: Model, per_1000h: float) -> None:
-        self.model, self.per_1000h = model, per_1000h
+    def __init__(
+        self, model: Model, per_1000h: float, worn: tuple[str, float, float] | None = None
+    ) -> None:
+        self.model, self.per_1000h, self.worn = model, per_1000h, worn
         self.found: Contradiction | None = None
         self._open: dict[int, list[tuple[Floats, Floats]]] = {}  # sensor → times and |z|
         # sensor → stretches, and those beyond each multiple of the tolerance
@@ -52,6 +57,11 @@ class Consistency:
         self._worst = dict.fromkeys(range(len(model.sensors)), 0.0)  # largest scale over tolerance
         self._outside: dict[str, float] = {}  # state → s
         self._last_s, self._most_J = -np.inf, 0.0
+
+    @classmethod
+    def of(cls, model: Model, vehicle: Vehicle) -> Consistency:
+        """With the vehicle's rate of false alarms, and its limit of wear."""
+        return cls(model, vehicle.false_alarms_per_1000h, worn_range(vehicle))
 
     def contradict(self, found: Contradiction) -> None:
         """What was found by other means; an explanation is worth more than none."""
@@ -66,7 +76,7 @@ class Consistency:
         if self.found is None or self.found.kind == MISFIT:
             known = [c for c in found if c is not None]
             self.found = min(
-                known, key=lambda c: c.since_s, default=self.found or self._astray(last)
+                known, key=lambda c: c.since_s, default=self.found or self._astray(track, last)
             )
         if self.found is None:
             return track
@@ -119,9 +129,12 @@ class Consistency:
             end,
         )
 
-    def _astray(self, last: bool) -> Contradiction | None:
+    def _astray(self, track: Track, last: bool) -> Contradiction | None:
         """Readings far off in most stretches though none of its own is beyond what an effect at
-        its bound makes: the filter follows them, and its numbers are none of the machine's."""
+        its bound makes: the filter follows them, and its numbers are none of the machine's.  One
+        that is worn looks like it, too, where the filter began with new parts."""
+        if worn_so_far(track, self.worn):
+            return None
         for i, sensor in enumerate(self.model.sensors):
             far, (n, _) = self._far[i], self._judged[i]
             if far >= FEWEST and 2 * far > n and (last or n > FEWEST):

@@ -116,7 +116,7 @@ class Drive:
         self.recent: Rows | None = None  # since the last slip event ended
         self.history = History.of(state)
         self.last: Timeline | None = None
-        self.consistency = Consistency(self.compiled.model, vehicle.false_alarms_per_1000h)
+        self.consistency = Consistency.of(self.compiled.model, vehicle)
         longest = max(s.repeats for s in model.sensors)
         self.back = self.thresholds.back + 2 * longest + MARGIN
 

@@ -298,7 +298,7 @@ def _fit(
         return None
     if not np.isfinite(filtered.log_likelihood):
         return None
-    judge = Consistency(compiled.model, vehicle.false_alarms_per_1000h)
+    judge = Consistency.of(compiled.model, vehicle)
     judge.take(track, last=True)
     events = track.innovations
     counts = np.bincount(events.sensor, minlength=len(events.names))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,6 +35,7 @@ from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.tracking import responses
 from clutchest.estimate.whole_log import compile_model, delays
+from clutchest.estimate.worn import as_found
 from clutchest.made_ahead import made_ahead
 from clutchest.patient_loading import at_work
 from clutchest.progress import Progress
@@ -78,7 +79,7 @@ def replay(
     estimate = _whole if smooth else _in_stretches
     for drive in signals.drives:
         try:
-            track, part, state = estimate(drive, vehicle, rate, state, engine, progress)
+            track, part, state = _best(estimate, drive, vehicle, rate, state, engine, progress)
         except Unusable as problem:
             unusable.append((drive, problem))
             continue
@@ -104,6 +105,29 @@ def replay(
         final=state,
         provenance=provenance(vehicle, parts[-1].compiled.digest),
     )
+
+
+Estimated = tuple[Track, Part, Mapping[str, Any]]
+
+
+def _best(
+    estimate: Callable[..., Estimated],
+    drive: Signals,
+    vehicle: Vehicle,
+    rate: float,
+    state: Mapping[str, Any] | None,
+    engine: str,
+    progress: Progress | None,
+) -> Estimated:
+    """One drive; where it begins with a new part and finds a worn one, once more from that, if it
+    is more probable."""
+    first = estimate(drive, vehicle, rate, state, engine, progress)
+    new = state is None or bool(state.get("contradiction"))
+    worn = as_found(vehicle, first[0]) if new else None
+    if worn is None:
+        return first
+    second = estimate(drive, worn, rate, state, engine, progress)
+    return second if second[0].log_likelihood > first[0].log_likelihood else first
 
 
 def _contradiction(
@@ -241,7 +265,7 @@ def _whole(
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
     filtered = filter_of(engine)(compiled, timeline, start, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)
-    track = Consistency(compiled.model, vehicle.false_alarms_per_1000h).take(track, last=True)
+    track = Consistency.of(compiled.model, vehicle).take(track, last=True)
     over = smoothed(compiled, timeline, start, filtered, progress)
     track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))
     span = float(timeline.t[-1] - timeline.t[0])
