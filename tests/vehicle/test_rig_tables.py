@@ -93,6 +93,15 @@ def test_a_unit_that_nothing_knows_is_not_taken_for_the_canonical_one(tmp_path):
         read_log(log, clutchest.load_vehicle("alsd_rig"))
 
 
+def test_a_request_in_a_table_is_read_though_no_vehicle_file_states_its_noise(tmp_path):
+    """It is only compared with the torque; the shipped file maps none, as its bus has none."""
+    columns = ["armature_voltage", "motor_angle", "torque_request", "shaft_torque"]
+    read = read_log(written(tmp_path / "rig.csv", columns, "time"), "alsd_rig")
+    assert "torque_request" in read and "shaft_torque" not in read
+    (words,) = (w for w in read.warnings if "ignored" in w)
+    assert "shaft_torque" in words
+
+
 def test_a_table_without_times_says_how_they_may_be_named(tmp_path):
     with pytest.raises(ClutchestError, match=r"no column of times, expected .*uhrzeit.*datum"):
         inspect_tables([written(tmp_path / "rig.csv", COLUMNS, "Ticks")])

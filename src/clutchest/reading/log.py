@@ -379,8 +379,10 @@ def _split(frames: Frames) -> list[Frames]:
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
     """Without columns for which the vehicle file states no noise, except inputs that have a
-    default."""
+    default, and what is asked of the machine, which is only compared."""
     inputs = {i.name for i in vehicle.machine.inputs if i.default is not None}
+    if (tracking := vehicle.machine.tracking) is not None:
+        inputs.add(tracking.request)
     kept = {
         name: signal
         for name, signal in signals.items()
