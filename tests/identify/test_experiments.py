@@ -272,6 +272,19 @@ def test_each_bench_of_an_experiment_is_validated():
     assert fit.validation.as_dict()["I7_rig_before"] == fit.validation.errors[0].before
 
 
+def test_a_loop_is_drawn_whole(tmp_path):
+    """What the estimator leaves out too, as where the motor passes the free play faster and
+    faster."""
+    (record,) = (r for r in bench_records(log("I7"), RIG).records if r.bench == "rig")
+    (experiment,) = (e for e in machine_of("alsd").experiments if e.name == "I7")
+    part = experiment.reduce(record)
+    used, left = (
+        of(TRUTH, part.own[:, 0]) for of in (part.curves[0].points, part.curves[0].left_out)
+    )
+    run_up = (left[0] > 8.0) & (left[0] < 18.0) & (left[1] > 0.08)
+    assert run_up.sum() > 5 and not (used[1][used[0] < 18.0] > 0.08).any()
+
+
 def test_what_was_measured_is_said_by_the_fitted_numbers():
     """The loop less the motor's friction: by the file's friction its width is another."""
     fit = run("all", replace(log("I5"), later=(log("I6"),)))

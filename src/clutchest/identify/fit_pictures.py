@@ -50,6 +50,9 @@ def draw_curves(
         figure, (axes,) = _sheet(1, 4.5)
         for i, (curve, own) in enumerate(pair for pair in curves if pair[0].file == file):
             labels = ("measured", "before", "fitted") if i == 0 else (None, None, None)
+            if curve.left_out is not None:
+                label = "measured, not used" if i == 0 else None
+                axes.plot(*curve.left_out(after, own), ".", color="0.8", ms=3, label=label)
             axes.plot(*curve.points(after, own), "C0.", ms=3, label=labels[0])
             axes.plot(*curve.model(before, own), "C7--", lw=1.2, label=labels[1])
             axes.plot(*curve.model(after, own), "k", lw=1.2, label=labels[2])

@@ -80,12 +80,14 @@ class Benches:
 @dataclass(frozen=True, slots=True)
 class ExperimentCurve:
     """A picture of an experiment, a PNG named ``file``: ``points`` as measured and the ``model``'s
-    curve, (x, y) each, by parameters and own numbers; ``labels`` of both axes."""
+    curve, (x, y) each, by parameters and own numbers; ``labels`` of both axes; ``left_out``: points
+    that the estimator does not use."""
 
     file: str
     labels: tuple[str, str]
     points: Callable[[Parameters, Floats], tuple[Floats, Floats]]
     model: Callable[[Parameters, Floats], tuple[Floats, Floats]]
+    left_out: Callable[[Parameters, Floats], tuple[Floats, Floats]] | None = None
 
 
 @dataclass(frozen=True, slots=True)

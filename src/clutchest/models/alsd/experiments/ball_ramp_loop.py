@@ -83,7 +83,8 @@ def loop_curve(path: AnglePath, file: str) -> ExperimentCurve:
         torque = np.where(rows, path.expected(p, own), np.nan)
         return path.motion[:, 0], torque
 
-    return ExperimentCurve(file, ("α_m1, rad", "T_m1, Nm"), path.measured, model)
+    labels = ("α_m1, rad", "T_m1, Nm")
+    return ExperimentCurve(file, labels, path.measured, model, path.left_out)
 
 
 I6 = BenchExperiment(

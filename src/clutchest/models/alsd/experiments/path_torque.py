@@ -228,7 +228,14 @@ class AnglePath:
 
     def measured(self, p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         """(angle, rad, T_m1 = K_t i_a, Nm) wherever the torque follows from the motion."""
-        rows, temp = self.counts, self.heat.temperature(p, own)
+        return self._at(self.counts, p, own)
+
+    def left_out(self, p: Parameters, own: Floats) -> tuple[Floats, Floats]:
+        """The same everywhere else."""
+        return self._at(~self.counts, p, own)
+
+    def _at(self, rows: np.ndarray, p: Parameters, own: Floats) -> tuple[Floats, Floats]:
+        temp = self.heat.temperature(p, own)
         torque = torque_constant(p, temp[rows]) * self.current[rows]
         return self.motion[rows, 0], torque
 
