@@ -379,15 +379,11 @@ def _split(frames: Frames) -> list[Frames]:
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
     """Without columns for which the vehicle file states no noise, except inputs that have a
-    default, and what is asked of the machine, which is only compared."""
+    default, and requests, which are only compared."""
     inputs = {i.name for i in vehicle.machine.inputs if i.default is not None}
-    if (tracking := vehicle.machine.tracking) is not None:
-        inputs.add(tracking.request)
-    kept = {
-        name: signal
-        for name, signal in signals.items()
-        if name in vehicle.signals or name in inputs
-    }
+    inputs |= {each.request for each in [vehicle.machine.tracking] if each is not None}
+    known = {*vehicle.signals, *inputs}
+    kept = {name: signal for name, signal in signals.items() if name in known}
     if not kept:
         raise ClutchestError(
             f"{' '.join(signals.sources)}: none of its signals "
