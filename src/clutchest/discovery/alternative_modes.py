@@ -5,12 +5,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.search import Search
-from clutchest.inference.map_fit import improve
+from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.map_fit import curvature, improve
 from clutchest.inference.multistart import multistart
+from clutchest.inference.objective import Objective
 from clutchest.inference.white_linearisation import Linearisation
+from clutchest.signals import Floats
 
 SHARES = (0.5, 0.0)  # of a cause's size, to which it is led one after another
 
@@ -50,9 +56,31 @@ def _led_out(search: Search, cause: CandidateCause, fewer: CauseSet) -> Linearis
     objective, fit = search.objective, search.best.fit
     free, size = search.free(fewer.causes), fit.theta[cause.index]
     for share in SHARES:
-        theta = fit.theta.copy()
-        theta[cause.index] = share * size
         shapes = fit.shapes if share else settings(fewer.causes)
-        begin = objective.linearise_at(theta, shapes, free)
+        places = [
+            objective.linearise_at(theta, shapes, NO_DERIVATIVES)
+            for theta in _with_size(objective, fit, cause, share * size, free)
+        ]
+        nearest = int(np.argmin(np.nan_to_num([place.cost for place in places], nan=np.inf)))
+        begin = objective.linearise_at(places[nearest].theta, shapes, free)
         fit = improve(objective, begin, free, derivatives=False)
     return fit
+
+
+def _with_size(
+    objective: Objective,
+    fit: Linearisation,
+    cause: CandidateCause,
+    size: float,
+    free: NDArray[np.int64],
+) -> tuple[Floats, Floats]:
+    """The numbers (m) of a fit with another ``size`` of a cause, the ``free`` ones (indices) where
+    they are, and on the ridge: where they are most probable then by the curvature alone.  Where the
+    cost is rough, a fit ends on a slope, and a whole step leads away from what is near."""
+    there, ridge = fit.theta.copy(), fit.theta.copy()
+    there[cause.index] = ridge[cause.index] = size
+    lin = objective.linearise_at(fit.theta, fit.shapes, np.append(free, cause.index))
+    bent = curvature(objective, lin, np.append(free, cause.index))
+    along = np.linalg.solve(bent[:-1, :-1], bent[:-1, -1])
+    ridge[free] -= along * (size - fit.theta[cause.index])
+    return there, ridge
