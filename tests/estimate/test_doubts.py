@@ -112,6 +112,13 @@ def test_a_torque_with_the_engines_friction_in_it_is_doubted():
     assert warning.startswith("torque_bias 3") and "0 ± 30 Nm" in warning
 
 
+def test_a_state_is_doubted_in_the_unit_that_people_read():
+    worn = {"free_play_growth": {"growth": 3e-4}}
+    run = replay(clutchest.simulate("alsd_rig", "rig-steps", 301, worn, duration=20.0), "alsd_rig")
+    (warning,) = (w for w in run.warnings if w.startswith("free_play"))
+    assert warning.startswith("free_play 0.5") and "0.190 ± 0.030 mm (free_play)" in warning
+
+
 def test_wear_within_its_limit_is_not_doubted():
     """2 mm are ten standard deviations of what new clutches differ by, but not beyond 3 mm."""
     worn = clutchest.simulate(

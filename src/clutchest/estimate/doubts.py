@@ -11,6 +11,7 @@ from clutchest.estimate.run import Track
 from clutchest.estimate.tracking import unmeasured_band
 from clutchest.models.model import Model
 from clutchest.models.symbols import Column, Sensor, State
+from clutchest.quantity import Quantity
 from clutchest.shown import plus_minus, with_unit
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -112,9 +113,13 @@ def _far(state: State, std: float, track: Track, vehicle: Vehicle) -> str:
     if not abs(away) > allowed:
         return ""
     stated = f" ({state.prior})" if state.prior and state.unit != "1" else ""
+    shown = Quantity(state.name, state.unit)
+    now, new = (
+        plus_minus(float(shown.read(value)), float(shown.read_spread(of)), shown.shown)
+        for value, of in ((end.value[-1], end.std[-1]), (np.array(nominal), np.array(std)))
+    )
     return (
-        f"{state.name} {plus_minus(float(end.value[-1]), float(end.std[-1]), state.unit)} is "
-        f"{abs(away) / std:.0f} standard deviations from where the vehicle file starts it, "
-        f"{plus_minus(nominal, std, state.unit)}{stated}: another vehicle, a fault, or a wrong "
-        "zero, sign, unit or swap of signals; `clutchest diagnose` tests for faults"
+        f"{state.name} {now} is {abs(away) / std:.0f} standard deviations from where the vehicle "
+        f"file starts it, {new}{stated}: another vehicle, a fault, or a wrong zero, sign, unit or "
+        "swap of signals; `clutchest diagnose` tests for faults"
     )
