@@ -444,6 +444,21 @@ def test_a_pack_worn_beyond_its_limit_is_believed(growth, seed):
         assert state["valid"] and abs(state["value"] - true) < 3.0 * state["std"], name
 
 
+def test_a_pack_that_was_identified_when_new_may_wear():
+    """By a hundred standard deviations of what is known of the new one, without a stated limit."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    nominal, spread = (
+        {k: getattr(p, what) for k, p in rig.parameters.items()} for what in SPECIMEN
+    )
+    new = draw(nominal, spread, 61)["free_play"]
+    known = replace(rig.parameters["free_play"], value=new, spread=3e-7)
+    car = replace(rig, parameters={**rig.parameters, "free_play": known}, limits={})
+    effects = {"free_play_growth": {"growth": 3e-5}}
+    run = replay(clutchest.simulate(rig, "rig-steps", 61, effects, duration=30.0), car)
+    state = run.summary["states"]["free_play"]
+    assert state["valid"] and abs(state["value"] - new - 3e-5) < 3.0 * state["std"]
+
+
 @pytest.mark.slow
 def test_a_worn_pack_has_no_other_fault():
     effects = {"free_play_growth": {"growth": 3e-4}}

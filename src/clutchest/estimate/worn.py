@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchest.estimate.run import Track
+from clutchest.models.declarations import Wear
 from clutchest.vehicle import Vehicle
 
 FAR = 4.0  # standard deviations of a new part, from which on it is worn
@@ -12,15 +13,25 @@ BEYOND = 1.5  # limits of wear, up to which a part may be worn
 
 
 def worn_range(vehicle: Vehicle) -> tuple[str, float, float] | None:
-    """The state that wears, and between which values a worn part has it, in its unit; None of a
-    machine without wear, or a vehicle without a limit of it."""
-    wear, limit = vehicle.machine.wear, vehicle.limits.get("wear")
-    if wear is None or limit is None:
+    """The state that wears, and between which values a worn part has it, in its unit: up to beyond
+    the limit that the vehicle file states, else the largest plausible wear; None of a machine that
+    declares neither."""
+    wear = vehicle.machine.wear
+    most = None if wear is None else _most(vehicle, wear)
+    if wear is None or most is None:
         return None
     new = vehicle.parameters[wear.nominal]
-    ends = (FAR * new.spread, BEYOND * limit.value + FAR * new.spread)
+    ends = (FAR * new.spread, BEYOND * most + FAR * new.spread)
     low, high = sorted(new.value + wear.sign * end for end in ends)
     return wear.state, low, high
+
+
+def _most(vehicle: Vehicle, wear: Wear) -> float | None:
+    if (limit := vehicle.limits.get("wear")) is not None:
+        return limit.value
+    effect = vehicle.machine.effects.get(wear.effect)
+    gains = () if effect is None else effect.gains
+    return next((gain.upper for gain in gains if gain.key == wear.amount), None)
 
 
 def worn_so_far(track: Track, worn: tuple[str, float, float] | None) -> bool:
