@@ -34,9 +34,18 @@ def test_the_drive_is_named_where_there_are_several(rig_drive):
 
 def test_signals_that_fit_and_those_that_lack_something_are_not_refused(rig_drive):
     rig = clutchest.load_vehicle("alsd_rig")
-    require_credible(rig_drive, rig, "discover")
+    assert require_credible(rig_drive, rig, "discover") == []
     kept = {n: s for n, s in rig_drive.signals.items() if n != "motor_angle"}
     require_credible(replace(rig_drive, signals=kept), rig, "discover")
+
+
+def test_another_motor_is_said_beside_whatever_is_found():
+    """An error of the model may be the reason, too, so that a search begins."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    other = {"back_emf_constant": 0.08, "torque_constant": 0.08, "armature_resistance": 0.2}
+    drive = clutchest.simulate(rig, "rig-steps", 3, duration=40.0)
+    (words,) = require_credible(drive, rig.with_parameters(**other), "discover")
+    assert words.startswith("signals and model contradict each other: no single sign, swap or unit")
 
 
 def test_another_bench_is_refused():

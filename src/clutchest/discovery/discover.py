@@ -111,17 +111,19 @@ def discover(
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
     if (off := disagreement(signals, vehicle)) is not None:
         signals, held_out = off.corrected(signals), tuple(map(off.corrected, held_out))
+    doubts: list[str] = []
     for each in (signals, *held_out):
-        require_credible(each, vehicle, "discover", progress)
+        doubts += require_credible(each, vehicle, "discover", progress)
     files = tuple(map(Path, effects_files))
-    task = _Task(signals, held_out, vehicle, effects, files, progress, off)
+    task = _Task(signals, held_out, vehicle, effects, files, progress, off, doubts)
     return _answer(task, on_identifiability)
 
 
 @dataclass(frozen=True, slots=True)
 class _Task:
     """A log and held-out drives of a vehicle, the effects to test, and the user's files; by what
-    two speeds disagreed, which signals are without."""
+    two speeds disagreed, which signals are without; in words, where they contradict the
+    model."""
 
     signals: Signals
     held_out: tuple[Signals, ...]
@@ -130,6 +132,7 @@ class _Task:
     files: tuple[Path, ...]
     progress: Progress | None
     off: Disagreement | None
+    doubts: Sequence[str]
 
     @property
     def own(self) -> list[Effect]:
@@ -236,6 +239,7 @@ def _warnings(
     search, machine = verdict.search, task.vehicle.machine
     acts = verdict.best if outcome.named else search.null
     return (
+        *task.doubts,
         *(unlike_drives(search, acts) if task.signals.later else ()),
         *_untested(task, search, verdict.best),
         *map(not_confirmed, verdict.dropped),

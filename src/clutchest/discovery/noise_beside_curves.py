@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve
 
 from clutchest.discovery.curve_portions import held, portions
 from clutchest.discovery.nuisances import Nuisances
@@ -23,6 +22,7 @@ from clutchest.discovery.refitted_curves import WIDEST, comes_and_goes
 from clutchest.discovery.residual_curves import Curve, CurvesAt, curves, places
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import hats
+from clutchest.inference.linear_solve import solved
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import TURNS, improve
 from clutchest.inference.noise_model import NoiseModel
@@ -121,7 +121,7 @@ def _in_own_noise(objective: Objective, of: _Linear) -> _Likely:
         white = (noise.whiten(s, table) for s, table in pairs)
         products = np.sum([each.T @ each for each in white], axis=0)
         inner = products[1:, 1:] + np.diag(of.prior + 1e-9)
-        step = -solve(inner, products[1:, 0] + of.prior * of.begin, assume_a="pos")
+        step = -solved(inner, products[1:, 0] + of.prior * of.begin)
         rest = [table[:, 0] + table[:, 1:] @ step for table in of.tables]
         cost, noise = as_noise(objective, rest)
         cost += float(np.sum(of.prior * (of.begin + step) ** 2))
