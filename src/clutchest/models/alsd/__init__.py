@@ -122,7 +122,7 @@ MACHINE = Machine(
     template="alsd_rig",
     check_equations=False,
     reservations={
-        "discover": "of healthy simulated logs of the differential 8 of 655 got a finding "
+        "discover": "of healthy simulated logs of the differential 10 of 859 got a finding "
         "(docs/alsd-results.md)",
     },
 )
