@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.search import Search
-from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import curvature, improve
 from clutchest.inference.multistart import multistart
 from clutchest.inference.objective import Objective
@@ -57,12 +56,8 @@ def _led_out(search: Search, cause: CandidateCause, fewer: CauseSet) -> Linearis
     free, size = search.free(fewer.causes), fit.theta[cause.index]
     for share in SHARES:
         shapes = fit.shapes if share else settings(fewer.causes)
-        places = [
-            objective.linearise_at(theta, shapes, NO_DERIVATIVES)
-            for theta in _with_size(objective, fit, cause, share * size, free)
-        ]
-        nearest = int(np.argmin(np.nan_to_num([place.cost for place in places], nan=np.inf)))
-        begin = objective.linearise_at(places[nearest].theta, shapes, free)
+        theta = search.lowest(_with_size(objective, fit, cause, share * size, free), shapes)
+        begin = objective.linearise_at(theta, shapes, free)
         fit = improve(objective, begin, free, derivatives=False)
     return fit
 
@@ -79,8 +74,8 @@ def _with_size(
     cost is rough, a fit ends on a slope, and a whole step leads away from what is near."""
     there, ridge = fit.theta.copy(), fit.theta.copy()
     there[cause.index] = ridge[cause.index] = size
-    lin = objective.linearise_at(fit.theta, fit.shapes, np.append(free, cause.index))
-    bent = curvature(objective, lin, np.append(free, cause.index))
+    numbers = np.append(free, cause.index)
+    bent = curvature(objective, objective.linearise_at(fit.theta, fit.shapes, numbers), numbers)
     along = np.linalg.solve(bent[:-1, :-1], bent[:-1, -1])
     ridge[free] -= along * (size - fit.theta[cause.index])
     return there, ridge

@@ -116,8 +116,12 @@ class Search:
             return theta
         lin = objective.linearise_at(at.theta, at.shapes, np.append(free, gains))
         theta[gains] = 0.0
-        places = theta, without(objective, lin, free, gains)
-        costs = [objective.linearise_at(each, shapes, NO_DERIVATIVES).cost for each in places]
+        return self.lowest((theta, without(objective, lin, free, gains)), shapes)
+
+    def lowest(self, places: Sequence[Floats], shapes: Shapes) -> Floats:
+        """That of some ``theta`` (m) at which the cost is lowest."""
+        at = self.objective.linearise_at
+        costs = [at(theta, shapes, NO_DERIVATIVES).cost for theta in places]
         return places[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
 
     def likeliest(

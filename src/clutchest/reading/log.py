@@ -380,9 +380,9 @@ def _split(frames: Frames) -> list[Frames]:
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
     """Without columns for which the vehicle file states no noise, except inputs that have a
     default, and requests, which are only compared."""
-    inputs = {i.name for i in vehicle.machine.inputs if i.default is not None}
-    inputs |= {each.request for each in [vehicle.machine.tracking] if each is not None}
-    known = {*vehicle.signals, *inputs}
+    known = {*vehicle.signals, *(i.name for i in vehicle.machine.inputs if i.default is not None)}
+    if (tracking := vehicle.machine.tracking) is not None:
+        known.add(tracking.request)
     kept = {name: signal for name, signal in signals.items() if name in known}
     if not kept:
         raise ClutchestError(
